@@ -1,0 +1,121 @@
+"""A run: the kernel driven over the mesh in chunks."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from headway.engine import kernel
+from headway.engine.leading import lead_ballistic, lead_exact
+from headway.engine.mesh import look_up
+from headway.engine.plan import Plan
+
+__all__ = ["Result", "Run"]
+
+Array = NDArray[np.float64]
+
+#: most steps made between two returns to Python, and most leader values prepared at once
+_CHUNK, _PREPARED = 4096, 2_000_000
+
+
+class Result(NamedTuple):
+    """What a run leaves: `motion` (3, outputs, N+1, lanes) of x, v, a at `time` (outputs,), and what happened.
+
+    `collision_time` (N+1,) is of a run alone; `disturbed` (lanes,) marks lanes of a batch in which
+    something happened that has to be stepped on exactly.
+    """
+
+    time: Array
+    motion: Array
+    collision_time: Array
+    disturbed: NDArray[np.bool_]
+
+
+class Run:
+    """Integration of one plan. `go()` does it; `headway.engine.events` extends it for platoons alone."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.mesh = plan, plan.mesh
+        self.rows, self.lanes = plan.x.shape
+        self.ballistic = plan.scenarios[0].scheme == "ballistic"
+        self.before = float(plan.delays.max(initial=0.0)) + 1.0
+        self.outputs = np.empty((3, int(self.mesh.record.sum()), self.rows * self.lanes))
+        self.out_row = 0
+        self.collision = np.full(self.rows, np.nan)
+        self.made = 0  # steps made, which is also the node that has been reached
+        self.chunk = int(np.clip(_PREPARED // (12 * len(plan.motions) * (1 + plan.delays.size)), 16, _CHUNK))
+        self.state = self._initial_state(self._ring_size(0, self.mesh.steps))
+
+    def go(self) -> Result:
+        """Integrate to the end."""
+        while self.made < self.mesh.steps:
+            last = min(self.made + self.chunk, self.mesh.steps)
+            self.made, self.out_row = self.advance(self.made, last, kernel.NOTE, self.mesh.time)
+        return self.result()
+
+    def result(self) -> Result:
+        """The kernel records starts of steps; the last node, which starts none, is added here."""
+        ring, row = self.state.ring, (self.mesh.steps + 1) % self.state.ring.shape[1]
+        self.outputs[0, -1], self.outputs[1, -1], self.outputs[2, -1] = ring[0, row], ring[1, row], ring[3, row]
+        motion = self.outputs.reshape(3, -1, self.rows, self.lanes)
+        disturbed = self.state.happened.reshape(-1, self.lanes).any(axis=0)
+        return Result(self.mesh.time[self.mesh.record], motion, self.collision, disturbed)
+
+    def advance(self, first: int, last: int, detect: int, nodes: Array) -> tuple[int, int]:
+        """Make steps `first` … `last`-1 between `nodes`; (next step, next output row) as of the kernel."""
+        steps = self._steps(first, last, nodes)
+        state, platoon, count = self.state, self.plan.platoon, last - first
+        if self.ballistic:
+            done, out_row = kernel.advance_ballistic(
+                0, count, first + 1, detect, platoon, steps, state, self.outputs, self.out_row, self.lanes
+            )
+        else:
+            stops = bool(np.any(state.go == 0.0))
+            done, out_row = kernel.advance(
+                0, count, first + 1, detect, stops, self.plan.extra, platoon, steps, state,
+                self.outputs, self.out_row, self.lanes,
+            )  # fmt: skip
+        return first + done, out_row
+
+    def _steps(self, first: int, last: int, nodes: Array) -> kernel.Steps:
+        mesh, plan = self.mesh, self.plan
+        look = look_up(nodes, first, last, plan.delays, self.before, plan.extra, self.ballistic)
+        flags = np.zeros(last - first, dtype=np.int64)
+        flags[mesh.jump[first:last]] |= kernel.FLAG_JUMP
+        flags[mesh.record[first:last]] |= kernel.FLAG_RECORD
+        flags[look.inside] |= kernel.FLAG_INSIDE
+        if first == 0:
+            flags[0] |= kernel.FLAG_JUMP
+        lead, late = (lead_ballistic if self.ballistic else lead_exact)(plan, nodes, first, last)
+        return kernel.Steps(
+            np.diff(nodes[first : last + 1]), flags, lead, late, look.row, look.motion, look.speed, look.acceleration
+        )
+
+    def _initial_state(self, ring_size: int) -> kernel.State:
+        p, elements = self.plan, self.rows * self.lanes
+        followers = elements - self.lanes
+        ring = np.zeros((5, ring_size, elements))
+        # history row 0 stands `before` seconds back: positions moved at the common speed, speeds were as now
+        ring[0, 0] = (p.x - self.before * p.cruise).ravel()
+        ring[0, 1], ring[1, 0], ring[1, 1] = p.x.ravel(), p.v.ravel(), p.v.ravel()
+        return kernel.State(
+            ring=ring,
+            K=np.zeros((6, elements)),
+            J=np.zeros((6, followers)),
+            signals=np.zeros((8, followers)),
+            looked=np.zeros((p.delays.size, 2, 3, elements)),
+            command=np.zeros((3, followers)),
+            go=np.ones(followers),
+            watch=np.ones(followers),
+            happened=np.zeros(followers),
+        )
+
+    def _ring_size(self, first: int, last: int) -> int:
+        """Rows that steps `first` … `last`-1 need: their own and all that the longest delay looks back over."""
+        if self.plan.delays.size == 0:
+            return 4
+        time, ends = self.mesh.time, np.arange(first, last)
+        behind = np.searchsorted(time, time[ends] - self.plan.delays.max() - 1e-8)
+        return int(np.max(ends - behind)) + 8

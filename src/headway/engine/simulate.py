@@ -1,0 +1,137 @@
+"""`simulate`: from a scenario to trajectories with names and units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+import headway
+from headway.engine.events import RunAlone
+from headway.engine.plan import DEFAULT_DT, Plan, structure
+from headway.engine.run import Result, Run
+from headway.errors import HeadwayError
+from headway.scenario.scenario import Scenario
+from headway.schema import describe
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["simulate", "simulate_many"]
+
+Array = NDArray[np.float64]
+
+#: lanes in one batch are cut so that its stage arrays (followers × lanes) stay in the caches
+_ELEMENTS = 384
+
+
+def simulate(scenario: Scenario) -> xr.Dataset:
+    """Trajectories of a scenario.
+
+    Returns a dataset with dimensions (vehicle, time): `position speed acceleration gap
+    relative_speed spacing_error policy_error`, and `collision_time` per vehicle (NaN if none; a
+    vehicle that collides and all behind it are NaN from then on). SI units; vehicle 0 is the leader
+    and has no gap. Where an acceleration jumps at an output time, its limit from the right is given.
+
+    Raises `HeadwayError` if a law returns a value that is not finite.
+    """
+    return _dataset(scenario, _alone(scenario))
+
+
+def simulate_many(scenarios: Sequence[Scenario]) -> list[xr.Dataset]:
+    """Trajectories of many scenarios; those that share a structure are integrated side by side.
+
+    Each result has the same bits as `simulate` gives for its scenario alone.
+    """
+    groups: dict[tuple, list[int]] = {}
+    for i, scenario in enumerate(scenarios):
+        groups.setdefault(structure(scenario), []).append(i)
+    results: dict[int, Result] = {}
+    for members in groups.values():
+        size = max(1, _ELEMENTS // len(scenarios[members[0]].followers))
+        for at in range(0, len(members), size):
+            block = members[at : at + size]
+            results.update(zip(block, _block([scenarios[i] for i in block]), strict=True))
+    return [_dataset(s, results[i]) for i, s in enumerate(scenarios)]
+
+
+def _block(scenarios: Sequence[Scenario]) -> list[Result]:
+    if len(scenarios) == 1:
+        return [_alone(scenarios[0])]
+    batch = Run(Plan.of(scenarios)).go()
+    bad = batch.disturbed | ~np.isfinite(batch.motion).all(axis=(0, 1, 2))
+    return [
+        _alone(s) if bad[b] else batch._replace(motion=batch.motion[..., b : b + 1])
+        for b, s in enumerate(scenarios)
+    ]
+
+
+def _alone(scenario: Scenario) -> Result:
+    result = RunAlone(Plan.of([scenario])).go()
+    _check_finite(scenario, result)
+    return result
+
+
+def _check_finite(scenario: Scenario, result: Result) -> None:
+    """A value that is not finite and not behind a collision comes from a law."""
+    hit = np.flatnonzero(np.isfinite(result.collision_time))
+    simulated = hit.min() if hit.size else result.motion.shape[2]
+    bad = ~np.isfinite(result.motion[:, :, :simulated, 0]).all(axis=0)
+    if not bad.any():
+        return
+    when, who = np.argwhere(bad)[0]
+    before = max(int(when) - 1, 0)
+    x, v = result.motion[0, before, :, 0], result.motion[1, before, :, 0]
+    length = scenario.leader_length if who == 1 else scenario.followers[who - 2].length
+    raise HeadwayError(
+        f"follower {who}: {scenario.followers[who - 1].model.name} returned a value that is not finite at "
+        f"t = {result.time[when]:g} s (shortly before: s = {x[who - 1] - length - x[who]:.4g} m, v = {v[who]:.4g} m/s, "
+        f"dv = {v[who - 1] - v[who]:.4g} m/s)"
+    )
+
+
+def _dataset(scenario: Scenario, result: Result) -> xr.Dataset:
+    import xarray as xr
+
+    x, v, a = (np.ascontiguousarray(q[..., 0].T) for q in result.motion)
+    length = np.array([scenario.leader_length, *(f.length for f in scenario.followers)])
+    gap = np.full_like(x, np.nan)
+    gap[1:] = x[:-1] - length[:-1, None] - x[1:]
+    relative = np.full_like(x, np.nan)
+    relative[1:] = v[:-1] - v[1:]
+    policy = np.full_like(x, np.nan)
+    for n, follower in enumerate(scenario.followers, start=1):
+        policy[n] = gap[n] - follower.model.desired_gap(v[n])
+    variables = {
+        "position": x,
+        "speed": v,
+        "acceleration": a,
+        "gap": gap,
+        "relative_speed": relative,
+        "spacing_error": gap - gap[:, :1],
+        "policy_error": policy,
+    }
+    models = [f.model for f in scenario.followers]
+    dataset = xr.Dataset(
+        {name: (("vehicle", "time"), values) for name, values in variables.items()}
+        | {"collision_time": ("vehicle", result.collision_time)},
+        coords={
+            "vehicle": np.arange(x.shape[0]),
+            "time": result.time,
+            "model": ("vehicle", ["leader", *(m.name for m in models)]),
+            "length": ("vehicle", length, {"units": "m", "long_name": "vehicle length"}),
+        },
+        attrs={
+            "title": scenario.name or f"platoon behind a {scenario.leader.kind} leader",
+            "scenario": scenario.to_toml(),
+            "scenario_hash": scenario.hash,
+            "seed": scenario.seed,
+            "scheme": scenario.scheme,
+            "dt": scenario.dt or DEFAULT_DT,
+            "headway_version": headway.__version__,
+            "citations": "\n".join(dict.fromkeys(f"{m.law.source}, doi:{m.law.doi}" for m in models if m.law.source)),
+        },
+    )
+    return describe(dataset)

@@ -1,0 +1,129 @@
+"""How a described thing is declared and checked: pydantic dataclasses whose errors are one sentence each."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeVar, dataclass_transform
+
+import numpy as np
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass as pydantic_dataclass
+
+from headway.errors import HeadwayError, shorten, unknown_name
+
+__all__ = ["Finite", "NonNegative", "Numbers", "Positive", "build", "field_names", "spec", "unit"]
+
+T = TypeVar("T")
+
+
+def _number(value: Any) -> Any:
+    """Accept what is a real number (also NumPy's); refuse text and truth values that pydantic would convert."""
+    if isinstance(value, bool | np.bool_ | str):
+        raise ValueError("is not a number")
+    if isinstance(value, np.generic | np.ndarray) and np.ndim(value) == 0:
+        return float(value)
+    return value
+
+
+def _numbers(value: Any) -> Any:
+    return tuple(float(_number(v)) for v in value) if isinstance(value, np.ndarray | list | tuple) else value
+
+
+Finite = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
+Positive = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False, gt=0)]
+NonNegative = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False, ge=0)]
+Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_numbers)]
+
+
+def unit(symbol: str, description: str) -> Any:
+    """Field metadata: the unit and meaning that the schema and the docs show."""
+    return Field(description=f"{description} [{symbol}]" if symbol else description, json_schema_extra={"unit": symbol})
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def spec(cls: type[T]) -> type[T]:
+    """Make `cls` a frozen, validated dataclass that raises `HeadwayError` with one sentence."""
+    made = pydantic_dataclass(frozen=True, config=ConfigDict(extra="forbid", arbitrary_types_allowed=True))(cls)
+    plain = made.__init__
+
+    @functools.wraps(plain)
+    def checked(self: Any, *args: Any, **kwargs: Any) -> None:
+        try:
+            plain(self, *args, **kwargs)
+        except ValidationError as error:
+            raise _sentence(error, made, getattr(made, "kind", made.__name__)) from None
+
+    made.__init__ = checked  # type: ignore[method-assign]
+    return made
+
+
+def field_names(cls: type) -> tuple[str, ...]:
+    """Names of the fields of a described thing, in order."""
+    return tuple(f.name for f in dataclasses.fields(cls))
+
+
+def build(cls: type[T], table: Mapping[str, Any], place: str) -> T:
+    """Make a `cls` of a table read from a file; errors name `place`."""
+    if not isinstance(table, Mapping):
+        raise HeadwayError(f"{place} = {shorten(table)} is not a table; allowed keys are {', '.join(field_names(cls))}")
+    for key in table:
+        if key not in field_names(cls):
+            raise unknown_name(f"key in {place}", key, field_names(cls))
+    try:
+        return cls.__pydantic_validator__.validate_python(dict(table))  # type: ignore[attr-defined]
+    except ValidationError as error:
+        raise _sentence(error, cls, place) from None
+
+
+_WORDS = {
+    "greater_than": "is not greater than {gt:g}",
+    "greater_than_equal": "is less than {ge:g}",
+    "less_than": "is not less than {lt:g}",
+    "less_than_equal": "is greater than {le:g}",
+    "finite_number": "is not a finite number",
+    "float_type": "is not a number",
+    "float_parsing": "is not a number",
+    "int_type": "is not a whole number",
+    "int_parsing": "is not a whole number",
+    "int_from_float": "is not a whole number",
+    "tuple_type": "is not a list of numbers",
+    "dict_type": "is not a table",
+    "string_type": "is not text",
+}
+
+
+def _sentence(error: ValidationError, cls: type, place: str) -> HeadwayError:
+    """The first finding of a pydantic error as one sentence of ours."""
+    first = error.errors(include_url=False)[0]
+    kind, ctx, given = first["type"], first.get("ctx", {}), first["input"]
+    location = ".".join(str(p) for p in first["loc"] if not str(p).startswith(("function-", "float", "tuple", "dict")))
+    where = f"{place}.{location}" if location else place
+    if isinstance(ctx.get("error"), HeadwayError):
+        text = str(ctx["error"])
+        return HeadwayError(text if text.startswith(place) or not location else f"{where}: {text}")
+    if kind in ("missing", "missing_argument"):
+        return HeadwayError(f"{where} is missing; {place} needs {', '.join(_required(cls))}")
+    if kind in ("unexpected_keyword_argument", "extra_forbidden"):
+        return unknown_name(f"argument of {place}", first["loc"][-1], field_names(cls))
+    if kind == "unexpected_positional_argument":
+        return HeadwayError(f"{place} takes at most {len(field_names(cls))} values: {', '.join(field_names(cls))}")
+    if kind == "literal_error":
+        allowed = [a.strip("' ") for a in str(ctx["expected"]).replace(" or ", ", ").split(",")]
+        return unknown_name(where, given, allowed)
+    if kind == "value_error":
+        return HeadwayError(f"{where} = {shorten(given)} {ctx['error']}")
+    if isinstance(given, float) and not math.isfinite(given):
+        return HeadwayError(f"{where} = {given} is not a finite number")
+    words = _WORDS.get(kind)
+    text = words.format(**ctx) if words else f"is not allowed ({first['msg'].lower()})"
+    return HeadwayError(f"{where} = {shorten(given)} {text}")
+
+
+def _required(cls: type) -> list[str]:
+    missing = dataclasses.MISSING
+    return [
+        f.name for f in dataclasses.fields(cls) if f.default is missing and f.default_factory is missing
+    ]

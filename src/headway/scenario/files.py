@@ -1,0 +1,255 @@
+"""Scenario files: TOML in and out without loss, overrides by path, and the JSON schema."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from headway.errors import HeadwayError, did_you_mean, shorten, unknown_name
+from headway.model import Law, Model
+from headway.model.registry import BUILT_IN, find
+from headway.scenario.disturbance import KINDS, Disturbance, kind_named
+from headway.scenario.fields import build, field_names
+from headway.scenario.recorded import Recorded
+from headway.scenario.scenario import Scenario
+from headway.scenario.vehicle import Vehicle
+
+__all__ = ["from_table", "from_toml", "load", "override", "read_table", "schema", "to_table", "to_toml"]
+
+KINDS[Recorded.kind] = Recorded
+
+_FOLLOWER_KEYS = ("model", "parameters", "count", *(n for n in field_names(Vehicle) if n != "model"))
+_TOP_KEYS = ("leader", "followers", *(n for n in field_names(Scenario) if n not in ("leader", "followers")))
+
+
+def load(path: str | os.PathLike[str], models: Iterable[Law] = ()) -> Scenario:
+    """The scenario in a TOML file. `models` are laws of one's own that the file may ask for.
+
+    Raises `HeadwayError` that names the place in the file for everything that is not allowed.
+    """
+    return from_table(read_table(path), models, Path(path).parent)
+
+
+def from_toml(text: str, models: Iterable[Law] = (), folder: str | os.PathLike[str] = ".") -> Scenario:
+    """The scenario in a TOML text; relative paths in it start at `folder`."""
+    return from_table(_parse(text, "scenario"), models, folder)
+
+
+def read_table(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The raw table of a TOML file."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise HeadwayError(f"{path}: cannot be read ({reason})") from None
+    return _parse(text, str(path))
+
+
+def _parse(text: str, place: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise HeadwayError(f"{place}: not a TOML file ({error})") from None
+
+
+def from_table(table: Mapping[str, Any], models: Iterable[Law] = (), folder: str | os.PathLike[str] = ".") -> Scenario:
+    """The scenario described by a table (see `docs/scenario.md`)."""
+    models = tuple(models)
+    for key in table:
+        if key not in _TOP_KEYS:
+            raise unknown_name("key in the scenario", key, _TOP_KEYS)
+    for key in ("leader", "followers"):
+        if key not in table:
+            raise HeadwayError(f"scenario.{key} is missing; a scenario needs a leader and followers")
+    rest = {k: v for k, v in table.items() if k not in ("leader", "followers")}
+    followers = _followers(table["followers"], models)
+    return build(Scenario, {"leader": _leader(table["leader"], folder), "followers": followers, **rest}, "scenario")
+
+
+def _leader(table: Any, folder: str | os.PathLike[str]) -> Disturbance:
+    if not isinstance(table, Mapping):
+        raise HeadwayError(f"leader = {shorten(table)} is not a table; it needs kind = one of {', '.join(KINDS)}")
+    if "kind" not in table:
+        raise HeadwayError(f"leader.kind is missing; allowed are {', '.join(KINDS)}")
+    kind = kind_named(table["kind"])
+    fields = {k: v for k, v in table.items() if k != "kind"}
+    if isinstance(fields.get("file"), str) and not os.path.isabs(fields["file"]):
+        fields["file"] = os.path.normpath(os.path.join(folder, fields["file"]))
+    return build(kind, fields, "leader")
+
+
+def _followers(tables: Any, models: tuple[Law, ...]) -> list[Vehicle]:
+    if isinstance(tables, Mapping):
+        tables = [tables]
+    if not isinstance(tables, list) or not tables:
+        raise HeadwayError("followers must be one or more [[followers]] tables")
+    vehicles: list[Vehicle] = []
+    for i, table in enumerate(tables):
+        place = f"followers.{i}"
+        if not isinstance(table, Mapping):
+            raise HeadwayError(f"{place} = {shorten(table)} is not a table")
+        for key in table:
+            if key not in _FOLLOWER_KEYS:
+                raise unknown_name(f"key in {place}", key, _FOLLOWER_KEYS)
+        if "model" not in table:
+            raise HeadwayError(f"{place}.model is missing; allowed are {', '.join(sorted(BUILT_IN))}")
+        law = find(str(table["model"]), models, f"{place}.model")
+        parameters = table.get("parameters", {})
+        if not isinstance(parameters, Mapping):
+            raise HeadwayError(f"{place}.parameters = {shorten(parameters)} is not a table")
+        count = table.get("count", 1)
+        if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 1_000_000:
+            raise HeadwayError(f"{place}.count = {shorten(count)} is not a whole number from 1 to 1000000")
+        try:
+            model = law(**parameters)
+        except HeadwayError as error:
+            raise HeadwayError(f"{place}.parameters: {error}") from None
+        rest = {k: v for k, v in table.items() if k not in ("model", "parameters", "count")}
+        vehicles += [build(Vehicle, {"model": model, **rest}, place)] * count
+    return vehicles
+
+
+def to_table(scenario: Scenario, complete: bool = False) -> dict[str, Any]:
+    """The scenario as plain tables; `complete` writes defaults too and adds the code of laws of one's own."""
+    table = _fields(scenario, complete, skip=("leader", "followers"))
+    for key in ("gap_offsets", "speed_offsets"):
+        if key in table:
+            table[key] = {str(k): v for k, v in table[key]}
+    table["leader"] = {"kind": scenario.leader.kind, **_fields(scenario.leader, complete)}
+    for key in ("columns", "units"):
+        if key in table["leader"]:
+            table["leader"][key] = dict(table["leader"][key])
+    followers: list[dict[str, Any]] = []
+    last: Vehicle | None = None
+    for vehicle in scenario.followers:
+        if vehicle == last:
+            followers[-1]["count"] = followers[-1].get("count", 1) + 1
+            continue
+        followers.append(_vehicle(vehicle, complete))
+        last = vehicle
+    table["followers"] = followers
+    return table
+
+
+def _vehicle(vehicle: Vehicle, complete: bool) -> dict[str, Any]:
+    model: Model = vehicle.model
+    table: dict[str, Any] = {"model": model.name, "parameters": model.parameters}
+    table |= _fields(vehicle, complete, skip=("model",))
+    if isinstance(table.get("delay"), tuple | list):
+        table["delay"] = dict(table["delay"])
+    if complete and BUILT_IN.get(model.name) is not model.law:
+        from headway.model.fingerprint import fingerprint
+
+        table["code"] = fingerprint(model.law.function)
+    return table
+
+
+def _fields(thing: Any, complete: bool, skip: tuple[str, ...] = ()) -> dict[str, Any]:
+    table = {}
+    for f in dataclasses.fields(thing):
+        if f.name in skip:
+            continue
+        value = getattr(thing, f.name)
+        if complete or value != f.default:
+            table[f.name] = list(value) if isinstance(value, tuple) and f.name not in _PAIRS else value
+    return table if complete else {k: v for k, v in table.items() if v is not None}
+
+
+_PAIRS = ("gap_offsets", "speed_offsets", "columns", "units", "delay")
+
+
+def to_toml(scenario: Scenario) -> str:
+    """See `Scenario.to_toml`."""
+    import tomli_w
+
+    table = to_table(scenario)
+    plain = {k: v for k, v in table.items() if not isinstance(v, dict | list) or k == "gaps"}
+    nested = {k: v for k, v in table.items() if k not in plain}
+    return tomli_w.dumps({**plain, **nested})
+
+
+def override(table: dict[str, Any], assignment: str) -> None:
+    """Apply `path=value` to a raw table in place, e.g. `followers.0.parameters.T=1.1` or `leader.omega=0.3`.
+
+    The value is read as TOML, or as text where it is none. Raises `HeadwayError` for a path that
+    leads nowhere.
+    """
+    path, equals, text = assignment.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        raise HeadwayError(f"--set {assignment}: write path=value, e.g. followers.0.parameters.T=1.1")
+    try:
+        value = tomllib.loads(f"x = {text.strip()}")["x"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    place: Any = table
+    for i, key in enumerate(keys[:-1]):
+        place = _step(place, key, keys[: i + 1], assignment)
+    last = keys[-1]
+    if isinstance(place, list):
+        _step(place, last, keys, assignment)
+        place[int(last)] = value
+    elif isinstance(place, dict):
+        place[last] = value
+    else:
+        raise HeadwayError(f"--set {assignment}: {'.'.join(keys[:-1])} is not a table")
+
+
+def _step(place: Any, key: str, path: list[str], assignment: str) -> Any:
+    here = ".".join(path)
+    if isinstance(place, list):
+        if not key.isdigit() or int(key) >= len(place):
+            raise HeadwayError(f"--set {assignment}: {here} does not exist; entries are 0 to {len(place) - 1}")
+        return place[int(key)]
+    if isinstance(place, dict):
+        if len(path) == 1 and key not in _TOP_KEYS:
+            raise HeadwayError(
+                f"--set {assignment}: {key!r} is not known; allowed are {', '.join(_TOP_KEYS)}"
+                f"{did_you_mean(key, _TOP_KEYS)}"
+            )
+        return place.setdefault(key, {})
+    raise HeadwayError(f"--set {assignment}: {'.'.join(path[:-1])} is not a table")
+
+
+def schema() -> dict[str, Any]:
+    """JSON schema of scenario files, for editors."""
+    leaders = []
+    for kind, cls in KINDS.items():
+        part = TypeAdapter(cls).json_schema()
+        part["properties"] = {"kind": {"const": kind}, **part.get("properties", {})}
+        part["required"] = ["kind", *part.get("required", [])]
+        part["description"] = (cls.__doc__ or "").strip().splitlines()[0]
+        leaders.append(part)
+    top = _schema_of(Scenario)
+    vehicle = _schema_of(Vehicle)
+    number = {"type": "number", "minimum": 0}
+    vehicle["properties"]["delay"] |= {
+        "anyOf": [number, {"type": "object", "additionalProperties": number}],
+        "default": 0.0,
+    }
+    vehicle["properties"] |= {
+        "model": {"type": "string", "description": f"name of the law: {', '.join(BUILT_IN)} or one of your own"},
+        "parameters": {"type": "object", "additionalProperties": {"type": "number"}},
+        "count": {"type": "integer", "minimum": 1, "default": 1, "description": "how many of this kind in a row"},
+    }
+    vehicle["required"] = ["model"]
+    top["properties"] |= {
+        "leader": {"oneOf": leaders},
+        "followers": {"type": "array", "minItems": 1, "items": vehicle},
+    }
+    offsets = {"type": "object", "additionalProperties": {"type": "number"}}
+    for key in ("gap_offsets", "speed_offsets"):
+        top["properties"][key] = {"description": top["properties"][key].get("description", ""), **offsets}
+    top["required"] = ["leader", "followers"]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "headway scenario", **top}
+
+
+def _schema_of(cls: type) -> dict[str, Any]:
+    part = TypeAdapter(cls).json_schema()
+    return {k: part[k] for k in ("type", "properties", "additionalProperties", "$defs") if k in part}

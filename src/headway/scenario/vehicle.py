@@ -1,0 +1,58 @@
+"""A follower: a model, what it knows and how late, its actuator and its length."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+from headway.errors import HeadwayError
+from headway.model import Law, Model
+from headway.scenario.channel import Channel, Delay, normalize_delay
+from headway.scenario.fields import Finite, NonNegative, spec, unit
+
+__all__ = ["Vehicle"]
+
+
+def _model(value: Any) -> Any:
+    if isinstance(value, Law):
+        return value()
+    if not isinstance(value, Model):
+        raise HeadwayError(
+            f"vehicle.model = {value!r} is not a model; take one from headway.models or make a law with @headway.model"
+        )
+    return value
+
+
+@spec
+class Vehicle:
+    """A follower.
+
+    model: a model or a law (then with its default parameters).
+    delay: seconds for all on-board signals, or a mapping from signal to seconds (`Channel`).
+    lag: time constant [s] of a first-order actuator, a' = (command - a)/lag; 0 acts at once.
+    length: [m], bumper to bumper gaps start behind it.
+    limits: least and largest acceleration [m/s²] that the vehicle can be commanded, or None.
+    """
+
+    model: Annotated[Any, BeforeValidator(_model)]
+    delay: Annotated[
+        Any,
+        BeforeValidator(normalize_delay),
+        unit("s", "delay of all on-board signals, or of each signal by name"),
+    ] = 0.0
+    lag: Annotated[NonNegative, unit("s", "time constant of the actuator")] = 0.0
+    length: Annotated[NonNegative, unit("m", "length of the vehicle")] = 5.0
+    limits: Annotated[
+        tuple[Annotated[Finite, Field(lt=0)], Annotated[Finite, Field(gt=0)]] | None,
+        unit("m/s²", "least and largest acceleration that can be commanded"),
+    ] = None
+
+    def __post_init__(self) -> None:
+        Channel.of(self.model.name, self.model.law.signals, self.delay)
+
+    @property
+    def channel(self) -> Channel:
+        """What the model perceives, and how late."""
+        delay: Delay = self.delay
+        return Channel.of(self.model.name, self.model.law.signals, delay)
