@@ -20,8 +20,9 @@ from headway.scenario.vehicle import Vehicle
 
 __all__ = ["TICK", "Jumps", "merge", "propagate"]
 
-#: times closer than this [s] are one breaking point
-TICK = 1e-9
+#: times closer than this [s] are one breaking point; a step that ends this far from a jump of an
+#: acceleration makes an error of their product in the speed
+TICK = 1e-12
 
 
 class Jumps(NamedTuple):

@@ -18,16 +18,17 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 from llvmlite import ir
 from numba import types as nt
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
 from headway.errors import HeadwayError
-from headway.model import Law, maths
-from headway.model.fingerprint import fingerprint
+from headway.models import Law, Model, maths
+from headway.models.fingerprint import fingerprint
 
-__all__ = ["address", "cache_folder", "call_rate", "pointer"]
+__all__ = ["address", "cache_folder", "call_rate", "evaluate", "pointer"]
 
 _REAL = nt.CPointer(nt.float64)
 
@@ -94,6 +95,20 @@ def call_rate(typingctx, address, signals, parameters, out, count, signal_stride
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+@numba.njit(error_model="numpy")
+def _call(address, signals, parameters, out):  # type: ignore[no-untyped-def]
+    n = out.size
+    call_rate(address, pointer(signals, 0), pointer(parameters, 0), pointer(out, 0), n, n, 1, 0)
+
+
+def evaluate(model: Model, signals: np.ndarray) -> np.ndarray:
+    """Accelerations (n,) of the compiled law for `signals` (signals of the law, n), as the kernel computes them."""
+    out = np.empty(signals.shape[1])
+    parameters = np.array(list(model.parameters.values()) or [0.0])[:, None]
+    _call(address(model.law, (), False, False), np.ascontiguousarray(signals, dtype=float), parameters, out)
+    return out
 
 
 def cache_folder() -> Path:

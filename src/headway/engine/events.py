@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from headway.engine import kernel
 from headway.engine.breaking import Jumps, propagate
-from headway.engine.mesh import TWO_SIDED
 from headway.engine.plan import Plan, all_jumps
 from headway.engine.run import Result, Run
 
@@ -154,7 +153,7 @@ class RunAlone(Run):
             # propagated from the rounded time: shift back onto the exact one
             exact = jumps.time[later] + (time - Jumps.of(time, order).time[0])
             inside = exact < scenario.end
-            self.mesh.insert(exact[inside], (jumps.order[later] <= TWO_SIDED)[inside])
+            self.mesh.insert(exact[inside], (jumps.order[later] <= self.plan.two_sided)[inside])
 
     def _collide(self, vehicle: int, time: float) -> None:
         """A collision is data: this vehicle and all behind it are not simulated any further."""

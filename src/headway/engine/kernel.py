@@ -348,7 +348,7 @@ def advance(first, last, row0, detect, stops, extra, platoon, steps, state, out,
 
     Returns (number of the next step, next row of `out`). `detect` says what to do about events
     (`STOP_AT_EVENT`, …). Where it returns early the end of the last step is in the ring, but the step
-    is not counted and may be made again with another length.
+    is not counted nor its start recorded, and it may be made again with another length.
 
     Stages: 0 the start, only where the acceleration jumps there (else it is known from the step
     before); 1 to 3 the other stages of the Runge-Kutta method; 4 the end of the step, from the left;
@@ -425,15 +425,15 @@ def advance(first, last, row0, detect, stops, extra, platoon, steps, state, out,
                 stage = 1
             else:
                 stage += 1
+        if detect == TRIAL:
+            return k, out_row
+        if detect != IGNORE and _happened(xn[ahead], xn[own], vn[own], platoon, state) and detect == STOP_AT_EVENT:
+            return k, out_row
         if steps.flags[k] & FLAG_RECORD:
             _copy(out[0, out_row], x)
             _copy(out[1, out_row], v)
             _copy(out[2, out_row], K[0])
             out_row += 1
-        if detect == TRIAL:
-            return k, out_row
-        if detect != IGNORE and _happened(xn[ahead], xn[own], vn[own], platoon, state) and detect == STOP_AT_EVENT:
-            return k, out_row
         _copy(K[0], K[4])
         _copy(J[0], J[4])
         _copy(state.command[0], state.command[1])
@@ -459,11 +459,6 @@ def advance_ballistic(first, last, row0, detect, platoon, steps, state, out, out
             _look(d, k, 0, 0, row0, platoon, steps, state, B)
         _evaluate(platoon, state, 0, False, x, v, K[0], J[0], state.command[1], False, B)
         _copy(ring[2, here], K[0])
-        if steps.flags[k] & FLAG_RECORD:
-            _copy(out[0, out_row], x)
-            _copy(out[1, out_row], v)
-            _copy(out[2, out_row], K[0])
-            out_row += 1
         _ballistic_step(xn[own], vn[own], x[own], v[own], K[0, own], h)
         _lead(xn, vn, K[4], steps, k, 2, B)
         _copy(K[4, own], K[0, own])
@@ -471,6 +466,11 @@ def advance_ballistic(first, last, row0, detect, platoon, steps, state, out, out
         _copy(ring[3, there], K[4])
         if detect != IGNORE and _closed(xn[ahead], xn[own], platoon, state) and detect == STOP_AT_EVENT:
             return k, out_row
+        if steps.flags[k] & FLAG_RECORD:
+            _copy(out[0, out_row], x)
+            _copy(out[1, out_row], v)
+            _copy(out[2, out_row], K[0])
+            out_row += 1
         _copy(K[0], K[4])
     return last, out_row
 

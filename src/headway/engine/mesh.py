@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 #: point from which a history of accelerations becomes fourth order between its nodes
 AT = (0.0, 0.5, 1.0, 1.0 / 3.0)
 
-#: jumps of this order or lower make an acceleration differ on both sides of a node
+#: jumps of this order or lower make an acceleration differ on both sides of a node; behind an
+#: actuator lag jumps of the next order do the same to its rate of change
 TWO_SIDED = 2
 
 
@@ -51,27 +52,28 @@ def _close(t: float) -> float:
     return 1.5e-9 + 1e-14 * abs(t)
 
 
-def build_mesh(end: float, dt: float, outputs: Array, jumps: Jumps | None) -> Mesh:
+def build_mesh(end: float, dt: float, outputs: Array, jumps: Jumps | None, two_sided: int = TWO_SIDED) -> Mesh:
     """Steps of `dt`, shortened to end on every breaking point (None: the ballistic scheme, which has none) and output.
 
-    Where a chain of delays would give more breaking points than twice the plain steps, the
-    smoothest are left out first (order 4, then 3).
+    Jumps up to order `two_sided` are marked: there the step starts with a new evaluation. Where a
+    chain of delays would give more breaking points than twice the plain steps, the smoothest are
+    left out first (order 4, then 3).
     """
     count = int(np.ceil(end / dt - 1e-9))
     plain = np.append(np.arange(count) * dt, end)
     parts = [plain, outputs]
-    two_sided = np.empty(0)
+    jumping = np.empty(0)
     if jumps is not None:
         order = 4
-        while order > TWO_SIDED and np.sum(jumps.order <= order) > 2 * count + 1000:
+        while order > two_sided and np.sum(jumps.order <= order) > 2 * count + 1000:
             order -= 1
         time = jumps.time[(jumps.order <= order) & (jumps.time < end)]
-        two_sided = jumps.time[jumps.order <= TWO_SIDED]
+        jumping = jumps.time[jumps.order <= two_sided]
         parts.append(time)
     raw = np.sort(np.concatenate(parts))
     nodes = raw[np.concatenate(([True], np.diff(raw) > 1.5e-9))]
     nodes[0], nodes[-1] = 0.0, end
-    return Mesh(nodes, _marks(nodes, two_sided), _marks(nodes, outputs))
+    return Mesh(nodes, _marks(nodes, jumping), _marks(nodes, outputs))
 
 
 def _marks(nodes: Array, times: Array) -> NDArray[np.bool_]:

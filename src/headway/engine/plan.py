@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from headway.engine.breaking import Jumps, propagate
 from headway.engine.compile import address
 from headway.engine.kernel import GROUP, SIGNAL_CODES, Platoon
-from headway.engine.mesh import Mesh, build_mesh
-from headway.model import Law
+from headway.engine.mesh import TWO_SIDED, Mesh, build_mesh
+from headway.models import Law
 from headway.scenario.channel import Channel
 from headway.scenario.motion import Motion
 from headway.scenario.scenario import Scenario
@@ -78,6 +78,7 @@ class Plan:
     motions: list[Motion]
     delays: Array
     mesh: Mesh
+    two_sided: int  # highest order of a jump at which a step starts with a new evaluation
     extra: bool
     x: Array  # (N+1, B) initial positions, row 0 the leader
     v: Array
@@ -118,16 +119,21 @@ class Plan:
             span=slots.span_array(),
         )
         jumps = _jumps(first, motions[0]) if first.scheme == "rk4" else None
-        mesh = build_mesh(first.end, first.dt or DEFAULT_DT, output_times(first), jumps)
+        two_sided = _two_sided(first)
+        mesh = build_mesh(first.end, first.dt or DEFAULT_DT, output_times(first), jumps, two_sided)
         delays = np.array(slots.delays, dtype=float)
         return cls(
-            scenarios, platoon, motions, delays, mesh, slots.hears_late_acceleration, x, v,
+            scenarios, platoon, motions, delays, mesh, two_sided, slots.hears_late_acceleration, x, v,
             np.array([s.cruise for s in scenarios]),
         )  # fmt: skip
 
 
 def _no_seed(scenario: Scenario) -> bool:
     return scenario.leader.kind != "noise"
+
+
+def _two_sided(scenario: Scenario) -> int:
+    return TWO_SIDED + any(v.lag > 0 for v in scenario.followers)
 
 
 def _jumps(scenario: Scenario, motion: Motion) -> Jumps:

@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-import headway
 from headway.engine.events import RunAlone
-from headway.engine.plan import DEFAULT_DT, Plan, structure
+from headway.engine.plan import Plan, structure
 from headway.engine.run import Result, Run
+from headway.engine.trajectories import to_dataset
 from headway.errors import HeadwayError
 from headway.scenario.scenario import Scenario
-from headway.schema import describe
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["simulate", "simulate_many"]
+__all__ = ["simulate", "simulate_many", "solve"]
 
 Array = NDArray[np.float64]
 
@@ -37,7 +36,7 @@ def simulate(scenario: Scenario) -> xr.Dataset:
 
     Raises `HeadwayError` if a law returns a value that is not finite.
     """
-    return _dataset(scenario, _alone(scenario))
+    return to_dataset(scenario, solve(scenario))
 
 
 def simulate_many(scenarios: Sequence[Scenario]) -> list[xr.Dataset]:
@@ -54,21 +53,22 @@ def simulate_many(scenarios: Sequence[Scenario]) -> list[xr.Dataset]:
         for at in range(0, len(members), size):
             block = members[at : at + size]
             results.update(zip(block, _block([scenarios[i] for i in block]), strict=True))
-    return [_dataset(s, results[i]) for i, s in enumerate(scenarios)]
+    return [to_dataset(s, results[i]) for i, s in enumerate(scenarios)]
 
 
 def _block(scenarios: Sequence[Scenario]) -> list[Result]:
     if len(scenarios) == 1:
-        return [_alone(scenarios[0])]
+        return [solve(scenarios[0])]
     batch = Run(Plan.of(scenarios)).go()
     bad = batch.disturbed | ~np.isfinite(batch.motion).all(axis=(0, 1, 2))
     return [
-        _alone(s) if bad[b] else batch._replace(motion=batch.motion[..., b : b + 1])
+        solve(s) if bad[b] else batch._replace(motion=batch.motion[..., b : b + 1])
         for b, s in enumerate(scenarios)
     ]
 
 
-def _alone(scenario: Scenario) -> Result:
+def solve(scenario: Scenario) -> Result:
+    """Integrate one scenario; see `headway.engine.trajectories` for what becomes of the result."""
     result = RunAlone(Plan.of([scenario])).go()
     _check_finite(scenario, result)
     return result
@@ -90,48 +90,3 @@ def _check_finite(scenario: Scenario, result: Result) -> None:
         f"t = {result.time[when]:g} s (shortly before: s = {x[who - 1] - length - x[who]:.4g} m, v = {v[who]:.4g} m/s, "
         f"dv = {v[who - 1] - v[who]:.4g} m/s)"
     )
-
-
-def _dataset(scenario: Scenario, result: Result) -> xr.Dataset:
-    import xarray as xr
-
-    x, v, a = (np.ascontiguousarray(q[..., 0].T) for q in result.motion)
-    length = np.array([scenario.leader_length, *(f.length for f in scenario.followers)])
-    gap = np.full_like(x, np.nan)
-    gap[1:] = x[:-1] - length[:-1, None] - x[1:]
-    relative = np.full_like(x, np.nan)
-    relative[1:] = v[:-1] - v[1:]
-    policy = np.full_like(x, np.nan)
-    for n, follower in enumerate(scenario.followers, start=1):
-        policy[n] = gap[n] - follower.model.desired_gap(v[n])
-    variables = {
-        "position": x,
-        "speed": v,
-        "acceleration": a,
-        "gap": gap,
-        "relative_speed": relative,
-        "spacing_error": gap - gap[:, :1],
-        "policy_error": policy,
-    }
-    models = [f.model for f in scenario.followers]
-    dataset = xr.Dataset(
-        {name: (("vehicle", "time"), values) for name, values in variables.items()}
-        | {"collision_time": ("vehicle", result.collision_time)},
-        coords={
-            "vehicle": np.arange(x.shape[0]),
-            "time": result.time,
-            "model": ("vehicle", ["leader", *(m.name for m in models)]),
-            "length": ("vehicle", length, {"units": "m", "long_name": "vehicle length"}),
-        },
-        attrs={
-            "title": scenario.name or f"platoon behind a {scenario.leader.kind} leader",
-            "scenario": scenario.to_toml(),
-            "scenario_hash": scenario.hash,
-            "seed": scenario.seed,
-            "scheme": scenario.scheme,
-            "dt": scenario.dt or DEFAULT_DT,
-            "headway_version": headway.__version__,
-            "citations": "\n".join(dict.fromkeys(f"{m.law.source}, doi:{m.law.doi}" for m in models if m.law.source)),
-        },
-    )
-    return describe(dataset)

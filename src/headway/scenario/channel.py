@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from headway.errors import HeadwayError, shorten, unknown_name
-from headway.model import RADIO, SIGNALS
+from headway.models import RADIO, SIGNALS
 
 __all__ = ["Channel", "normalize_delay"]
 

@@ -12,8 +12,8 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from headway.errors import HeadwayError, did_you_mean, shorten, unknown_name
-from headway.model import Law, Model
-from headway.model.registry import BUILT_IN, find
+from headway.models import Law, Model
+from headway.models.registry import BUILT_IN, find
 from headway.scenario.disturbance import KINDS, Disturbance, kind_named
 from headway.scenario.fields import build, field_names
 from headway.scenario.recorded import Recorded
@@ -144,7 +144,7 @@ def _vehicle(vehicle: Vehicle, complete: bool) -> dict[str, Any]:
     if isinstance(table.get("delay"), tuple | list):
         table["delay"] = dict(table["delay"])
     if complete and BUILT_IN.get(model.name) is not model.law:
-        from headway.model.fingerprint import fingerprint
+        from headway.models.fingerprint import fingerprint
 
         table["code"] = fingerprint(model.law.function)
     return table

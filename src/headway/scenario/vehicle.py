@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from headway.errors import HeadwayError
-from headway.model import Law, Model
+from headway.models import Law, Model
 from headway.scenario.channel import Channel, Delay, normalize_delay
 from headway.scenario.fields import Finite, NonNegative, spec, unit
 
@@ -19,7 +19,7 @@ def _model(value: Any) -> Any:
         return value()
     if not isinstance(value, Model):
         raise HeadwayError(
-            f"vehicle.model = {value!r} is not a model; take one from headway.models or make a law with @headway.model"
+            f"vehicle.model = {value!r} is not a model; take one from headway.models or make a law with @headway.models"
         )
     return value
 

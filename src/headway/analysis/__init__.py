@@ -1,0 +1,1 @@
+"""What theory and trajectories say."""

@@ -1,0 +1,92 @@
+"""`headway models` and `headway check`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from headway.cli import show
+
+if TYPE_CHECKING:
+    from headway.models.law import Law
+
+__all__ = ["check", "models"]
+
+
+def models(
+    name: Annotated[str | None, Parameter(help="Only this one.")] = None,
+    *,
+    model: Annotated[list[str] | None, Parameter(help="Also the laws of a file, e.g. my.py:soft; runs the file.")] = None,
+    json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
+) -> None:
+    """List the car-following laws: formula, signals, parameters with unit and bounds, source."""
+    from headway.models.own import load_laws
+    from headway.models.registry import find, with_own
+
+    own = [law for reference in model or [] for law in load_laws(reference)]
+    laws = [find(name, own)] if name else list(with_own(own).values())
+    if json:
+        show.print_json([_as_json(law) for law in laws])
+        return
+    for law in laws:
+        _print(law)
+
+
+def _print(law: Law) -> None:
+    print(f"{law.name}: {law.title}")
+    if law.formula:
+        print(f"  a = {law.formula}")
+    print(f"  signals: {', '.join(law.signals)}")
+    for p in law.parameters.values():
+        unit = f" {p.info.unit}" if p.info.unit not in ("", "1") else ""
+        print(f"  {p.name:>6} = {p.default:g}{unit:<8} [{p.range}]  {p.info.text}")
+    if law.source:
+        print(f"  {law.source}, doi:{law.doi}")
+    print()
+
+
+def _as_json(law: Law) -> dict[str, Any]:
+    return {
+        "name": law.name,
+        "title": law.title,
+        "formula": law.formula,
+        "signals": list(law.signals),
+        "parameters": {
+            p.name: {
+                "default": p.default,
+                "unit": p.info.unit,
+                "low": p.info.low,
+                "high": p.info.high,
+                "text": p.info.text,
+                "structural": p.info.structural,
+            }
+            for p in law.parameters.values()
+        },
+        "source": law.source,
+        "doi": law.doi,
+    }
+
+
+def check(
+    file: Annotated[str, Parameter(help="A Python file of laws, my.py or my.py:soft; this runs the file.")],
+    *,
+    json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
+) -> int:
+    """Check laws of your own against what every law must be, and explain each failure. Exit code 1 if one fails."""
+    from headway.analysis.conformance import check_model
+    from headway.models.own import load_laws
+
+    laws = load_laws(file, allow_wrong_sign=True)
+    with show.working("checking (this compiles the law)"):
+        found = {law.name: check_model(law) for law in laws}
+    if json:
+        show.print_json({name: [vars(c) for c in checks] for name, checks in found.items()})
+    else:
+        for name, checks in found.items():
+            print(f"{name}:")
+            for c in checks:
+                mark = "ok  " if c.passed else ("FAIL" if c.required else "note")
+                print(f"  {mark}  {c.name}" + ("" if c.passed else f": {c.message}"))
+    failed = any(not c.passed and c.required for checks in found.values() for c in checks)
+    return 1 if failed else 0

@@ -1,0 +1,62 @@
+"""How the command line shows things: tables for people, JSON for programs, nothing moving in a pipe."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+__all__ = ["number", "print_json", "table", "working"]
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number for a table; a dash where there is none."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> None:
+    """Print a table; the first `left` columns are text."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    sheet = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    for i, name in enumerate(columns):
+        sheet.add_column(name, justify="left" if i < left else "right", overflow="fold")
+    for row in rows:
+        sheet.add_row(*row)
+    console = Console()
+    # in a pipe a table keeps its natural width instead of being folded to 80 columns
+    if not console.is_terminal:
+        console = Console(width=max(80, 2 + sum(max([len(c), *(len(r[i]) for r in rows)]) + 2 for i, c in enumerate(columns))))
+    console.print(sheet)
+
+
+def print_json(value: Any) -> None:
+    """Print `value` as JSON; numbers that are not finite become null."""
+    print(json.dumps(_finite(value), indent=2, ensure_ascii=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Show that something is being done, on a terminal only."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(what):
+        yield

@@ -1,0 +1,67 @@
+"""Ready scenarios that come with headway: the paper's experiments and examples of our own.
+
+Each is a plain TOML file beside this module. `paper:idm-2` is `paper/idm-2.toml`. In a
+description, S marks what the paper states and U what it does not and headway chooses.
+"""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from collections.abc import Iterable
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from headway.errors import HeadwayError, unknown_name
+
+if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
+
+    from headway.model import Law
+    from headway.scenario.scenario import Scenario
+
+__all__ = ["library", "library_scenario", "library_table"]
+
+_GROUPS = ("paper", "example")
+
+
+@functools.cache
+def _files() -> dict[str, Traversable]:
+    """Where each ready scenario lies, by full name: the paper's first, then the examples."""
+    root = resources.files(__name__)
+    return {
+        f"{group}:{file.name.removesuffix('.toml')}": file
+        for group in _GROUPS
+        for file in sorted((root / group).iterdir(), key=lambda f: f.name)
+        if file.name.endswith(".toml")
+    }
+
+
+def library() -> dict[str, str]:
+    """Full name of every ready scenario, e.g. `paper:idm-2`, and what it shows, in one line."""
+    return {name: library_table(name)["description"].split(". ")[0].rstrip(".") for name in _files()}
+
+
+def library_table(name: str) -> dict[str, Any]:
+    """The raw table of a ready scenario, to be changed freely by the caller.
+
+    Raises `HeadwayError` that names the nearest ready scenario if there is none called `name`.
+    """
+    files = _files()
+    if name not in files:
+        raise _unknown(name)
+    return tomllib.loads(files[name].read_text(encoding="utf-8"))
+
+
+def library_scenario(name: str, models: Iterable[Law] = ()) -> Scenario:
+    """The ready scenario called `name`; `models` are laws of one's own that it may ask for.
+
+    Raises `HeadwayError` that names the nearest ready scenario if there is none called `name`.
+    """
+    from headway.scenario.files import from_table
+
+    return from_table(library_table(name), models)
+
+
+def _unknown(name: object) -> HeadwayError:
+    return unknown_name("ready scenario", name, _files())

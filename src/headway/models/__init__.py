@@ -1,0 +1,9 @@
+"""Car-following laws and what follows from them."""
+
+from headway.models.law import RADIO, SIGNALS, Law, Model, Param, Parameter, model
+from headway.models.registry import BUILT_IN, CACC, FVDM, GMM, IDM, OVM, IDMSpacing
+
+__all__ = [
+    "BUILT_IN", "CACC", "FVDM", "GMM", "IDM", "OVM", "RADIO", "SIGNALS", "IDMSpacing", "Law", "Model", "Param",
+    "Parameter", "model",
+]  # fmt: skip

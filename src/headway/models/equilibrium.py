@@ -1,0 +1,140 @@
+"""Equilibria of a law: closed form where the law brings one, safe root finding otherwise."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from headway.errors import HeadwayError
+
+if TYPE_CHECKING:
+    from headway.models.law import Model
+
+__all__ = ["gap_at", "policy", "speed_at"]
+
+#: gaps [m] and speeds [m/s] between which roots are searched where no closed form exists
+_GAPS = np.geomspace(1e-3, 1e5, 161)
+_SPEEDS = np.concatenate(([0.0], np.geomspace(1e-3, 150.0, 160)))
+
+
+def gap_at(model: Model, speed: float) -> float:
+    """See `Model.equilibrium_gap`."""
+    v = _number(speed, f"equilibrium speed of {model.name}", "m/s")
+    if v < 0:
+        raise HeadwayError(f"equilibrium speed of {model.name} = {v:g} m/s is negative; vehicles drive forwards")
+    low, high = _speed_range(model)
+    if not (low <= v <= high):
+        raise _no_equilibrium(model, v, low, high)
+    form = model.law.forms.get("equilibrium_gap")
+    if form is None:
+        return _root(model, lambda s: model.at_rest(s, v), _GAPS, f"at {v:g} m/s", "gap")
+    with np.errstate(all="ignore"):
+        s = float(form(v, **model.parameters))
+    if not math.isfinite(s):
+        raise _no_equilibrium(model, v, low, high)
+    return s
+
+
+def speed_at(model: Model, gap: float) -> float:
+    """See `Model.equilibrium_speed`."""
+    s = _number(gap, f"equilibrium gap of {model.name}", "m")
+    if s <= 0:
+        raise HeadwayError(f"equilibrium gap of {model.name} = {s:g} m is not positive")
+    form = model.law.forms.get("equilibrium_speed")
+    if form is None:
+        low, high = _speed_range(model)
+        grid = _SPEEDS[(low <= _SPEEDS) & (high >= _SPEEDS)]
+        if math.isfinite(high):
+            grid = np.append(grid, high)
+        return _root(model, lambda v: model.at_rest(s, v), grid, f"at a gap of {s:g} m", "speed")
+    v = float(form(s, **model.parameters))
+    if not math.isfinite(v) or v < 0:
+        raise HeadwayError(f"{model.name} has no equilibrium speed at a gap of {s:g} m")
+    return v
+
+
+def policy(model: Model, speed: Any) -> Any:
+    """See `Model.desired_gap`."""
+    v = np.asarray(speed, dtype=float)
+    low, high = _speed_range(model)
+    inside = (v >= low) & (v <= high)
+    form = model.law.forms.get("equilibrium_gap")
+    if form is not None:
+        with np.errstate(all="ignore"):
+            s = np.asarray(form(v, **model.parameters), dtype=float)
+        result = np.where(inside & np.isfinite(s), s, np.nan)
+    else:
+        result = _interpolated_policy(model, v, inside)
+    return float(result) if np.ndim(speed) == 0 else result
+
+
+def _interpolated_policy(model: Model, v: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """The policy of a law without a closed form, from exact roots on 65 Chebyshev speeds between its extremes."""
+    result = np.full(v.shape, np.nan)
+    known = inside & np.isfinite(v) & (v >= 0)
+    if not known.any():
+        return result
+    low, high = float(v[known].min()), float(v[known].max())
+    nodes = np.unique(0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * np.arange(65) / 64))
+    gaps = np.full(nodes.size, np.nan)
+    for i, node in enumerate(nodes):
+        try:
+            gaps[i] = gap_at(model, float(node))
+        except HeadwayError:
+            continue
+    good = np.isfinite(gaps)
+    if good.sum() < 2:
+        return np.where(known & good.any() & (nodes.size == 1), gaps[0], np.nan)
+    from scipy.interpolate import PchipInterpolator
+
+    result[known] = PchipInterpolator(nodes[good], gaps[good], extrapolate=False)(v[known])
+    return result
+
+
+def _speed_range(model: Model) -> tuple[float, float]:
+    form = model.law.forms.get("speed_range")
+    return (0.0, math.inf) if form is None else form(**model.parameters)
+
+
+def _no_equilibrium(model: Model, v: float, low: float, high: float) -> HeadwayError:
+    bound = f"between {low:g} and {high:g} m/s" if math.isfinite(high) else f"above {low:g} m/s"
+    return HeadwayError(f"{model.name} has no equilibrium at {v:g} m/s; with these parameters it has them {bound}")
+
+
+def _root(model: Model, f: Any, grid: np.ndarray, where: str, what: str) -> float:
+    """The root of `f` on `grid`: the first sign change, polished by Brent's method."""
+    from scipy.optimize import brentq
+
+    with np.errstate(all="ignore"):
+        values = np.array([float(f(float(x))) for x in grid])
+    finite = np.isfinite(values)
+    if not finite.any():
+        raise HeadwayError(f"{model.name} returns no finite acceleration {where}")
+    if np.all(np.abs(values[finite]) < 1e-14):
+        raise HeadwayError(
+            f"{model.name}: every {what} is an equilibrium {where}, so the {what} must be given"
+            + (" (e.g. gaps = 10)" if what == "gap" else "")
+        )
+    exact = np.flatnonzero(values == 0.0)
+    if exact.size:
+        return float(grid[exact[0]])
+    change = np.flatnonzero(finite[:-1] & finite[1:] & (np.sign(values[:-1]) != np.sign(values[1:])))
+    if not change.size:
+        raise HeadwayError(
+            f"{model.name} has no equilibrium {what} {where}: its acceleration stays "
+            f"{'positive' if values[finite][0] > 0 else 'negative'} from {grid[0]:g} to {grid[-1]:g}"
+        )
+    i = int(change[0])
+    return float(brentq(f, grid[i], grid[i + 1], xtol=1e-13, rtol=1e-15))
+
+
+def _number(x: Any, place: str, unit: str) -> float:
+    try:
+        number = float(x)
+    except (TypeError, ValueError):
+        raise HeadwayError(f"{place} = {x!r} is not a number") from None
+    if not math.isfinite(number):
+        raise HeadwayError(f"{place} = {number} {unit} is not finite")
+    return number

@@ -1,0 +1,124 @@
+"""How figures look: sizes, colours that stay apart in grey and for colour-blind eyes, axes, keys.
+
+The leader is black. Followers take a map whose lightness rises evenly down the platoon, so that
+their order is readable without colour; speeds take another one. Nothing here touches matplotlib's
+global settings.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from headway.schema import COORDINATES, VARIABLES
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
+
+__all__ = ["COLLISION", "LEADER", "SMALL", "WIDTH", "axes_style", "axis_label", "cars_bar", "cars_key", "cars_map", "new_figure", "speed_map"]
+
+#: width [in] of a figure across two columns of print, and the font sizes [pt] at that width
+WIDTH, SMALL, LARGE = 7.2, 8.0, 9.5
+
+#: colours of the leader and of a collision
+LEADER, COLLISION = "black", "#d55e00"
+
+#: most followers that get a line of their own in the key; a colour bar serves more
+KEYED = 8
+
+
+def new_figure(height: float, title: str = "") -> Figure:
+    """An empty figure of the printed width and `height` [in], with `title` above everything."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained", facecolor="white")
+    if title:
+        figure.suptitle(title, fontsize=LARGE, fontweight="bold")
+    return figure
+
+
+def axes_style(ax: Axes) -> None:
+    """A thin grid behind the lines, two spines, small labels."""
+    ax.grid(True, color="0.88", linewidth=0.5)
+    ax.set_axisbelow(True)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        ax.spines[side].set(color="0.4", linewidth=0.6)
+    ax.tick_params(labelsize=SMALL, color="0.4", width=0.6, length=2.5)
+    for label in (ax.xaxis.label, ax.yaxis.label):
+        label.set_fontsize(SMALL)
+
+
+def axis_label(dataset: xr.Dataset, name: str) -> str:
+    """Name and unit of a variable as its attributes say, else as the schema does: `Spacing error [m]`."""
+    attrs = dataset[name].attrs
+    known = {**VARIABLES, **COORDINATES}.get(name)
+    meaning = attrs.get("long_name") or (known.long_name if known else name)
+    units = attrs.get("units", known.unit if known else "")
+    words = re.split("[:,]", str(meaning))[0]
+    return f"{words[:1].upper()}{words[1:]}" + (f" [{units}]" if units not in ("", "1") else "")
+
+
+def cars_map() -> Colormap:
+    """Map of the followers, dark ahead and light behind, without the ends that look black or fade on paper."""
+    return _part_of("viridis", 0.1, 0.9)
+
+
+def speed_map() -> Colormap:
+    """Map of speeds, light where slow and dark where fast."""
+    return _part_of("plasma_r", 0.12, 1.0)
+
+
+def _part_of(name: str, low: float, high: float) -> Colormap:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps[name](np.linspace(low, high, 256)), name=f"{name} {low:g} to {high:g}")
+
+
+def cars_key(ax: Axes, handles: Sequence[Any], labels: Sequence[str], lead: str) -> None:
+    """A key in one row above the axes: the word `lead` once, then a line and a label for each car."""
+    from matplotlib.lines import Line2D
+
+    legend = ax.legend(
+        [Line2D([], [], linestyle="none"), *handles],
+        [lead, *labels],
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=len(labels) + 1,
+        frameon=False,
+        fontsize=SMALL,
+        handlelength=0.9,
+        handletextpad=0.3,
+        columnspacing=0.7,
+        borderaxespad=0.0,
+        borderpad=0.2,
+    )
+    for line in legend.get_lines():
+        line.set_linewidth(2.0)
+
+
+def cars_bar(ax: Axes, first: int, last: int) -> None:
+    """A colour bar instead of a key, for cars `first` … `last`."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.ticker import MaxNLocator
+
+    mappable = ScalarMappable(Normalize(first, last), cars_map())
+    bar = ax.figure.colorbar(mappable, ax=ax, pad=0.02, aspect=25)
+    bar.locator = MaxNLocator(6, integer=True)
+    bar_style(bar, "Car")
+
+
+def bar_style(bar: Any, label: str) -> None:
+    """Small labels and a thin frame for a colour bar."""
+    bar.set_label(label, fontsize=SMALL)
+    bar.ax.tick_params(labelsize=SMALL, color="0.4", width=0.6, length=2.5)
+    bar.outline.set(edgecolor="0.4", linewidth=0.5)
