@@ -17,8 +17,8 @@ from headway.engine.events import RunAlone
 from headway.engine.plan import Plan
 from headway.engine.run import Result, Run
 from headway.engine.simulate import simulate_many
-from headway.model import Law, Model
-from headway.model.registry import BUILT_IN
+from headway.models import Law, Model
+from headway.models.registry import BUILT_IN
 from headway.scenario.disturbance import Sine
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
@@ -193,7 +193,7 @@ _OWN = '''
 from typing import Annotated
 import math
 import headway as hw
-from headway.model import Param, model
+from headway.models import Param, model
 
 @model
 def mine(s, v, dv, *, a: Annotated[float, Param("m/s²", .01, 10)] = 1.5, b: Annotated[float, Param("m/s²", .01, 20)] = 1.5,

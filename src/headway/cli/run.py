@@ -161,7 +161,7 @@ def _rows(scenario: Scenario, result: Result) -> list[dict[str, Any]]:
 
     found, time = variables(scenario, result), result.time
     amplitude = amplitude_of(time, found["speed"])
-    columns = {
+    columns: dict[str, Any] = {
         "peak_spacing_error": peak_of(time, found["spacing_error"]),
         "rms_spacing_error": rms_of(time, found["spacing_error"]),
         "speed_amplitude": amplitude,

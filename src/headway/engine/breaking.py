@@ -40,7 +40,7 @@ class Jumps(NamedTuple):
     @property
     def time(self) -> NDArray[np.float64]:
         """Times [s]."""
-        return self.tick * TICK
+        return np.asarray(self.tick * TICK, dtype=np.float64)
 
 
 NONE = Jumps(np.empty(0, np.int64), np.empty(0, np.int64))

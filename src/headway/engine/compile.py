@@ -9,6 +9,7 @@ fingerprint: whatever the law refers to may change, and the name changes with it
 from __future__ import annotations
 
 import functools
+import hashlib
 import importlib.util
 import os
 import sys
@@ -34,28 +35,28 @@ _REAL = nt.CPointer(nt.float64)
 
 
 @overload(maths.where, inline="never")
-def _where(condition, a, b):  # type: ignore[no-untyped-def]
+def _where(condition, a, b):
     return lambda condition, a, b: a if condition else b
 
 
 @overload(maths.maximum)
-def _maximum(a, b):  # type: ignore[no-untyped-def]
+def _maximum(a, b):
     # written as a comparison, which becomes one vector instruction and passes a NaN in `a` on
     return lambda a, b: b if a < b else a
 
 
 @overload(maths.minimum)
-def _minimum(a, b):  # type: ignore[no-untyped-def]
+def _minimum(a, b):
     return lambda a, b: b if a > b else a
 
 
 @overload(maths.power)
-def _power(x, n):  # type: ignore[no-untyped-def]
+def _power(x, n):
     scalar = numba.njit(error_model="numpy")(maths.power_scalar)
     return lambda x, n: scalar(x, n)
 
 
-def _tanh_compiled(x):  # type: ignore[no-untyped-def]
+def _tanh_compiled(x):
     x = 20.0 if x > 20.0 else (-20.0 if x < -20.0 else x)
     y = x * 0.03125
     q = y * y
@@ -68,15 +69,15 @@ def _tanh_compiled(x):  # type: ignore[no-untyped-def]
 
 
 @overload(maths.tanh)
-def _tanh(x):  # type: ignore[no-untyped-def]
+def _tanh(x):
     return _tanh_compiled
 
 
 @intrinsic
-def pointer(typingctx, array, offset):  # type: ignore[no-untyped-def]
+def pointer(typingctx, array, offset):
     """Pointer to element `offset` of a contiguous float64 array."""
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         view = context.make_array(signature.args[0])(context, builder, args[0])
         return builder.gep(view.data, [args[1]])
 
@@ -84,11 +85,11 @@ def pointer(typingctx, array, offset):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def call_rate(typingctx, address, signals, parameters, out, count, signal_stride, parameter_stride, back):  # type: ignore[no-untyped-def]
+def call_rate(typingctx, address, signals, parameters, out, count, signal_stride, parameter_stride, back):
     """Call the loop of a law at `address`."""
     signature = nt.void(nt.intp, _REAL, _REAL, _REAL, nt.intp, nt.intp, nt.intp, nt.intp)
 
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+    def codegen(context, builder, signature, args):
         real, whole = ir.DoubleType().as_pointer(), cgutils.intp_t
         function = ir.FunctionType(ir.VoidType(), [real, real, real, whole, whole, whole, whole])
         builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
@@ -98,7 +99,7 @@ def call_rate(typingctx, address, signals, parameters, out, count, signal_stride
 
 
 @numba.njit(error_model="numpy")
-def _call(address, signals, parameters, out):  # type: ignore[no-untyped-def]
+def _call(address, signals, parameters, out):
     n = out.size
     call_rate(address, pointer(signals, 0), pointer(parameters, 0), pointer(out, 0), n, n, 1, 0)
 
@@ -152,7 +153,8 @@ def address(law: Law, varying: tuple[str, ...], implicit: bool, chained: bool) -
 
 def _compiled(law: Law, varying: tuple[str, ...], implicit: bool, chained: bool) -> Any:
     text = _source(law, varying, implicit, chained)
-    identity = fingerprint(law.function)[:24]
+    # cached code looks its module up by name, so a law that moved to another module is another law
+    identity = hashlib.sha256(f"{law.function.__module__} {fingerprint(law.function)}".encode()).hexdigest()[:24]
     variant = f"{'i' if implicit else 'e'}{'c' if chained else 's'}_" + "".join(
         "1" if p in varying else "0" for p in law.parameters
     )
@@ -171,7 +173,14 @@ def _compiled(law: Law, varying: tuple[str, ...], implicit: bool, chained: bool)
     module.__dict__["law"] = numba.njit(error_model="numpy")(_positional(law.function))
     exec(compile(text, str(path), "exec"), module.__dict__)  # the text is ours; the law is a function already
     signature = nt.void(_REAL, _REAL, _REAL, nt.intp, nt.intp, nt.intp, nt.intp)
-    return numba.cfunc(signature, cache=True, error_model="numpy")(module.__dict__["rate"])
+    decorate = numba.cfunc(signature, cache=True, error_model="numpy")
+    try:
+        return decorate(module.__dict__["rate"])
+    except (ImportError, AttributeError):
+        # it was compiled by a version of this package whose modules had other names: compile it anew
+        for stale in path.parent.glob(f"__pycache__/{name}.*.nb?"):
+            stale.unlink(missing_ok=True)
+        return decorate(module.__dict__["rate"])
 
 
 def _positional(function: Any) -> types.FunctionType:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from headway.engine.mesh import AT
 from headway.engine.plan import Plan
-from headway.scenario.motion import at_lanes
+from headway.scenario.motion import Side, at_lanes
 
 __all__ = ["lead_ballistic", "lead_exact"]
 
@@ -26,7 +26,7 @@ def lead_exact(plan: Plan, nodes: Array, first: int, last: int) -> tuple[Array, 
         if at == AT[3] and not plan.extra:
             continue
         t = end if at == 1.0 else start + at * (end - start)
-        side = "left" if at == 1.0 else "right"
+        side: Side = "left" if at == 1.0 else "right"
         lead[:, c] = np.stack(at_lanes(plan.motions, t, side), axis=1)
         for d, delay in enumerate(plan.delays):
             late[d, :, c] = np.stack(at_lanes(plan.motions, t - delay, side), axis=1)

@@ -41,7 +41,7 @@ def output_times(scenario: Scenario) -> Array:
         dt = scenario.dt or DEFAULT_DT
         step = dt * max(1, math.ceil(scenario.end / dt / MOST_SAMPLES - 1e-9))
     count = int(math.floor(scenario.end / step * (1.0 + 1e-12) + 1e-9))
-    times = np.arange(count + 1) * step
+    times = np.asarray(np.arange(count + 1) * step, dtype=np.float64)
     return times if scenario.end - times[-1] < 2e-9 * max(1.0, step) else np.append(times, scenario.end)
 
 
@@ -264,8 +264,3 @@ def _parameters(
 def _each(scenarios: Sequence[Scenario], value: Any) -> Array:
     """`value(vehicle)` as (M,) in the order [vehicle][lane]."""
     return np.array([[value(v) for v in s.followers] for s in scenarios], dtype=float).T.ravel().copy()
-
-
-def reach(channel: Channel) -> float:
-    """Longest delay of a channel [s]."""
-    return channel.longest

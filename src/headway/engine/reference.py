@@ -140,7 +140,7 @@ def _spread(seeds: Iterable[tuple[float, int]], hops: Hops, end: float) -> Kinks
     work = list(seeds)
     while work:
         time, order = work.pop()
-        key = round(time, 10)
+        key = round(time, 12)
         if time < end and order <= _SMOOTH and order < found.get(key, _SMOOTH + 1):
             found[key] = order
             work += [(time + delay, order + gained) for delay, gained in hops if delay > 0.0]

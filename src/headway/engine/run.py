@@ -60,7 +60,7 @@ class Run:
         ring, row = self.state.ring, (self.mesh.steps + 1) % self.state.ring.shape[1]
         self.outputs[0, -1], self.outputs[1, -1], self.outputs[2, -1] = ring[0, row], ring[1, row], ring[3, row]
         motion = self.outputs.reshape(3, -1, self.rows, self.lanes)
-        disturbed = self.state.happened.reshape(-1, self.lanes).any(axis=0)
+        disturbed = np.any(self.state.happened.reshape(-1, self.lanes) != 0.0, axis=0)
         return Result(self.mesh.time[self.mesh.record], motion, self.collision, disturbed)
 
     def advance(self, first: int, last: int, detect: int, nodes: Array) -> tuple[int, int]:

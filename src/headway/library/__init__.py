@@ -17,7 +17,7 @@ from headway.errors import HeadwayError, unknown_name
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
 
-    from headway.model import Law
+    from headway.models import Law
     from headway.scenario.scenario import Scenario
 
 __all__ = ["library", "library_scenario", "library_table"]
@@ -32,7 +32,7 @@ def _files() -> dict[str, Traversable]:
     return {
         f"{group}:{file.name.removesuffix('.toml')}": file
         for group in _GROUPS
-        for file in sorted((root / group).iterdir(), key=lambda f: f.name)
+        for file in sorted((root / group).iterdir(), key=lambda f: f.name.removesuffix(".toml"))
         if file.name.endswith(".toml")
     }
 

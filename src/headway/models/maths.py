@@ -54,7 +54,7 @@ def tanh(x: Any) -> Any:
     return np.tanh(x) if isinstance(x, Dual) else tanh_rational(x)
 
 
-def power_scalar(x: float, n: float) -> float:
+def power_scalar(x: Any, n: float) -> Any:
     """`x**n` with the small whole exponents that the field uses written out, so that no `pow` is called."""
     if n == 4.0:
         q = x * x
@@ -76,6 +76,5 @@ def power_scalar(x: float, n: float) -> float:
 
 def power(x: Any, n: float) -> Any:
     """`x**n`; declare the parameter `n` with `Param(..., structural=True)` to keep the loop branch-free."""
-    if isinstance(x, np.ndarray):
-        return np.power(x, n) if n not in (-2, -1, 0, 1, 2, 3, 4) else power_scalar(x, float(n)) + 0.0 * x
-    return power_scalar(x, n)
+    result = power_scalar(x, n)
+    return result + 0.0 * x if n == 0.0 and isinstance(x, np.ndarray) else result

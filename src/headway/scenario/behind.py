@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -52,8 +53,8 @@ def behind(
     table = {k: options[k] for k in ("format", "columns", "units") if options.get(k)}
     leader = Recorded(file=str(file), start=start, end=last, **table)
     cruise = float(leader.motion(0, last - start).before)
-    offsets = {n: float(v) - cruise for n, v in enumerate(speeds[1:], start=1)}
-    vehicles = [Vehicle(follower.model, follower.delay, follower.lag, length, follower.limits) for length in section.lengths[1:]]
+    offsets = tuple((n, float(v) - cruise) for n, v in enumerate(speeds[1:], start=1))
+    vehicles = [dataclasses.replace(follower, length=length) for length in section.lengths[1:]]
     scenario = Scenario(
         leader, vehicles, gaps=tuple(float(g) for g in gaps), speed_offsets=offsets,
         leader_length=section.lengths[0], **fields,

@@ -46,7 +46,8 @@ def unit(symbol: str, description: str) -> Any:
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 def spec(cls: type[T]) -> type[T]:
     """Make `cls` a frozen, validated dataclass that raises `HeadwayError` with one sentence."""
-    made = pydantic_dataclass(frozen=True, config=ConfigDict(extra="forbid", arbitrary_types_allowed=True))(cls)
+    settings = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+    made: Any = pydantic_dataclass(frozen=True, config=settings)(cls)
     plain = made.__init__
 
     @functools.wraps(plain)
@@ -56,7 +57,7 @@ def spec(cls: type[T]) -> type[T]:
         except ValidationError as error:
             raise _sentence(error, made, getattr(made, "kind", made.__name__)) from None
 
-    made.__init__ = checked  # type: ignore[method-assign]
+    made.__init__ = checked
     return made
 
 
@@ -102,8 +103,9 @@ def _sentence(error: ValidationError, cls: type, place: str) -> HeadwayError:
     location = ".".join(str(p) for p in first["loc"] if not str(p).startswith(("function-", "float", "tuple", "dict")))
     where = f"{place}.{location}" if location else place
     if isinstance(ctx.get("error"), HeadwayError):
+        # a sentence of ours: it names its field, and a place in a file goes in front
         text = str(ctx["error"])
-        return HeadwayError(text if text.startswith(place) or not location else f"{where}: {text}")
+        return HeadwayError(f"{place}: {text}" if "." in place and not text.startswith(place) else text)
     if kind in ("missing", "missing_argument"):
         return HeadwayError(f"{where} is missing; {place} needs {', '.join(_required(cls))}")
     if kind in ("unexpected_keyword_argument", "extra_forbidden"):

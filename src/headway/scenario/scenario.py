@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BeforeValidator
 
 from headway.errors import HeadwayError, shorten
@@ -47,7 +48,13 @@ def _by_vehicle(value: Any) -> Any:
 
 
 def _gaps(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+    if not isinstance(value, list | tuple | np.ndarray):
+        return value
+    gaps = tuple(value)
+    for n, gap in enumerate(gaps, start=1):
+        if isinstance(gap, bool | str) or not gap > 0:
+            raise HeadwayError(f"scenario.gaps: follower {n} has {shorten(gap)}; a gap is a number greater than 0")
+    return gaps
 
 
 Offsets = Annotated[tuple[tuple[int, Finite], ...], BeforeValidator(_by_vehicle)]

@@ -8,9 +8,7 @@ met the one ahead. `HeadwayError` says which variable a dataset lacks.
 
 from __future__ import annotations
 
-import contextlib
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,6 +68,7 @@ def time_space(dataset: xr.Dataset, ax: Axes | None = None, moving: bool | None 
     """
     from matplotlib.collections import LineCollection
 
+    _check(dataset, "position", "speed")
     position, speed = _values(dataset, "position"), _values(dataset, "speed")
     time = dataset["time"].values
     front = speed[0]
@@ -97,8 +96,7 @@ def time_space(dataset: xr.Dataset, ax: Axes | None = None, moving: bool | None 
     style.axes_style(ax)
     style.bar_style(figure.colorbar(lines, ax=ax, pad=0.02, aspect=25), style.axis_label(dataset, "speed"))
     ax.set_xlabel(style.axis_label(dataset, "time"))
-    label = "Position [m]"
-    ax.set_ylabel(f"Position − {mean:.4g} m/s · t [m]" if moving else label)
+    ax.set_ylabel(f"Position − {mean:.4g} m/s · t [m]" if moving else style.axis_label(dataset, "position"))
     return figure
 
 
@@ -131,15 +129,16 @@ def comparison(datasets: Mapping[str, xr.Dataset], what: Sequence[str] = ("spaci
             raise HeadwayError(f"{name}: {error}") from None
     figure = style.new_figure(0.5 + 1.55 * len(datasets))
     axes = figure.subplots(len(datasets), len(what), sharex=True, squeeze=False)
-    longest = max(datasets, key=lambda name: datasets[name].sizes["vehicle"])
+    sizes = {dataset.sizes["vehicle"] for dataset in datasets.values()}
     for row, (name, dataset) in zip(axes, datasets.items(), strict=True):
         for ax, variable in zip(row, what, strict=True):
-            _lines(ax, dataset, variable, keyed=False)
-            if ax is not axes[-1, list(row).index(ax)]:
-                ax.set_xlabel("")
-        row[0].set_title(name, loc="left", fontsize=style.LARGE, fontweight="bold")
-    for ax, variable in zip(axes[0], what, strict=True):
-        _key(ax, datasets[longest], variable)
+            # platoons of one size share the key at the top
+            _lines(ax, dataset, variable, keyed=len(sizes) > 1 or row is axes[0])
+    for ax in axes[:-1].flat:
+        ax.set_xlabel("")
+    for ax, name in zip(axes[:, 0], datasets, strict=True):
+        ax.annotate(name, (0, 0.5), xytext=(-46, 0), xycoords="axes fraction", textcoords="offset points",
+                    rotation=90, ha="right", va="center", fontsize=style.LARGE, fontweight="bold")  # fmt: skip
     figure.align_ylabels()
     return figure
 
@@ -153,18 +152,161 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _SUFFIXES:
-        raise HeadwayError(f"{path}: a figure cannot be written as {suffix or 'a file without suffix'!r}; allowed are {', '.join(_SUFFIXES)}")
-    temporary = ""
+        raise HeadwayError(f"{path}: figures are written as {', '.join(_SUFFIXES)}, not as {suffix!r}")
+    # without a date the same figure gives the same file
+    stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem}.", suffix=suffix, delete=False) as file:
-            temporary = file.name
-            # without a date the same figure gives the same file
-            stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
-            figure.savefig(file, format=suffix[1:], dpi=_DPI, metadata=stamp)
-        os.replace(temporary, path)
+        figure.savefig(unfinished, format=suffix[1:], dpi=_DPI, metadata=stamp)
+        os.replace(unfinished, path)
     except OSError as error:
         raise HeadwayError(f"{path}: the figure cannot be written ({error.strerror or error})") from None
     finally:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
+        unfinished.unlink(missing_ok=True)
     return path
+
+
+def _one(dataset: xr.Dataset, name: str, ax: Axes | None) -> Figure:
+    _check(dataset, name)
+    figure, ax = _canvas(dataset, ax, 3.2)
+    _lines(ax, dataset, name)
+    return figure
+
+
+def _canvas(dataset: xr.Dataset, ax: Axes | None, height: float) -> tuple[Figure, Axes]:
+    """The given axes and their figure, or new ones under the dataset's title."""
+    if ax is not None:
+        return ax.get_figure(root=True), ax  # type: ignore[return-value]
+    figure = style.new_figure(height, str(dataset.attrs.get("title", "")))
+    return figure, figure.add_subplot()
+
+
+def _check(dataset: xr.Dataset, *names: str) -> None:
+    """Refuse a dataset that cannot be drawn."""
+    for name in (*names, "time", "vehicle"):
+        if name not in dataset.variables:
+            held = ", ".join(str(v) for v in dataset.data_vars) or "no variables"
+            raise HeadwayError(f"the dataset has no {name!r} to draw; it holds {held}")
+    for name in names:
+        if set(dataset[name].dims) != {"vehicle", "time"}:
+            dims = ", ".join(str(d) for d in dataset[name].dims) or "none"
+            raise HeadwayError(f"{name!r} has the dimensions {dims}; a figure needs vehicle and time")
+    if not dataset.sizes["time"]:
+        raise HeadwayError("the dataset has no times to draw")
+
+
+def _values(dataset: xr.Dataset, name: str) -> Array:
+    """Values (vehicle, time) of a variable."""
+    return np.asarray(dataset[name].transpose("vehicle", "time").values, dtype=float)
+
+
+def _drawn(dataset: xr.Dataset, name: str) -> list[int]:
+    """Rows that are drawn: all cars, or those with a car ahead."""
+    cars = dataset["vehicle"].values
+    return [row for row, car in enumerate(cars) if car != 0 or name not in _OF_PAIRS]
+
+
+def _colours(dataset: xr.Dataset) -> list[Any]:
+    """Colour of each row: the leader's, and the followers' from front to back."""
+    cars = dataset["vehicle"].values
+    first, last = _followers(dataset)
+    shade = style.cars_map()
+    return [style.LEADER if car == 0 else shade((car - first) / max(last - first, 1)) for car in cars]
+
+
+def _followers(dataset: xr.Dataset) -> tuple[int, int]:
+    """The first and the last follower's number."""
+    cars = [int(car) for car in dataset["vehicle"].values if car != 0] or [1]
+    return min(cars), max(cars)
+
+
+def _lines(ax: Axes, dataset: xr.Dataset, name: str, keyed: bool = True) -> None:
+    """One line for each car or pair over time, with axes, collisions and (if `keyed`) what names the lines."""
+    from matplotlib.collections import LineCollection
+
+    rows = _drawn(dataset, name)
+    values, colours = _values(dataset, name)[rows], [_colours(dataset)[row] for row in rows]
+    time, shown = _thin(dataset["time"].values, values)
+    # the leader is drawn last, on top of the others
+    order = sorted(range(len(rows)), key=lambda i: dataset["vehicle"].values[rows[i]] == 0)
+    lines = [np.column_stack((time[i], shown[i])) for i in order]
+    widths = [_line_width(len(rows)) * (1.3 if colours[i] == style.LEADER else 1.0) for i in order]
+    many = len(rows) > 100
+    ax.add_collection(
+        LineCollection(lines, colors=[colours[i] for i in order], linewidths=widths, rasterized=many, zorder=2)
+    )
+    if name in ("spacing_error", "policy_error", "relative_speed", "acceleration"):
+        ax.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
+    ax.autoscale_view()
+    ax.margins(x=0)
+    _mark_collisions(ax, dataset, name)
+    style.axes_style(ax)
+    ax.set_xlabel(style.axis_label(dataset, "time"))
+    ax.set_ylabel(style.axis_label(dataset, name))
+    if keyed:
+        _key(ax, dataset, name)
+
+
+def _key(ax: Axes, dataset: xr.Dataset, name: str) -> None:
+    """Say which line is whose: by name for few cars, by a colour bar for many."""
+    from matplotlib.lines import Line2D
+
+    rows, cars, colours = _drawn(dataset, name), dataset["vehicle"].values, _colours(dataset)
+    if len(rows) > style.KEYED + 1:
+        style.cars_bar(ax, *_followers(dataset))
+        return
+    handles = [Line2D([], [], color=colours[row]) for row in rows]
+    pairs = name in _OF_PAIRS
+    labels = [f"{cars[row] - 1}-{cars[row]}" if pairs else f"{cars[row]}" for row in rows]
+    style.cars_key(ax, handles, labels, "Cars" if pairs else "Car")
+
+
+def _line_width(count: int) -> float:
+    """Width [pt] of lines of which there are `count`."""
+    return float(np.clip(6.0 / count**0.5, 0.35, 1.3))
+
+
+def _thin(time: Array, values: Array) -> tuple[Array, Array]:
+    """Times and values (line, point) that draw the same picture with fewer points: extremes are kept."""
+    size = int(np.clip(_POINTS // max(len(values), 1), _LEAST, _MOST))
+    if time.size <= size:
+        return np.broadcast_to(time, values.shape), values
+    # in each of size/2 stretches of time: its least and its greatest value, in order of time
+    stretch = -(-time.size * 2 // size)
+    count = -(-time.size // stretch)
+    padded = np.full((len(values), count * stretch), np.nan)
+    padded[:, : time.size] = values
+    blocks = padded.reshape(len(values), count, stretch)
+    low = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=2)
+    high = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=2)
+    pick = np.sort(np.stack((low, high), axis=2), axis=2) + stretch * np.arange(count)[:, None]
+    pick = np.minimum(pick.reshape(len(values), -1), time.size - 1)
+    pick[:, 0], pick[:, -1] = 0, time.size - 1
+    return time[pick], np.take_along_axis(values, pick, axis=1)
+
+
+def _mark_collisions(ax: Axes, dataset: xr.Dataset, name: str, frame_speed: float = 0.0) -> None:
+    """A cross and the name of the pair where a car met the one ahead: at its last value."""
+    if "collision_time" not in dataset.variables:
+        return
+    time, values = dataset["time"].values, _values(dataset, name)
+    moments = np.asarray(dataset["collision_time"].values, dtype=float)
+    for row in np.flatnonzero(np.isfinite(moments)):
+        known = np.flatnonzero(np.isfinite(values[row]) & (time <= moments[row]))
+        if not known.size or not time[0] <= moments[row] <= time[-1]:
+            continue
+        value = values[row, known[-1]] - frame_speed * (moments[row] - time[0])
+        late = moments[row] > 0.5 * (time[0] + time[-1])
+        car = int(dataset["vehicle"].values[row])
+        ax.plot(moments[row], value, "x", color=style.COLLISION, markersize=6, markeredgewidth=1.6, zorder=4)
+        ax.annotate(
+            f"{car - 1}-{car} collide",
+            (moments[row], value),
+            xytext=(-6 if late else 6, 0),
+            textcoords="offset points",
+            ha="right" if late else "left",
+            va="center",
+            fontsize=style.SMALL,
+            color=style.COLLISION,
+            zorder=4,
+        )

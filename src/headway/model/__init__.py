@@ -1,1 +1,0 @@
-from headway.models import *  # temporary

@@ -1,1 +1,0 @@
-from headway.models.fingerprint import *  # temporary

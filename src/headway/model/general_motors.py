@@ -1,1 +1,0 @@
-from headway.models.general_motors import *  # temporary

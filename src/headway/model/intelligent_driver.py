@@ -1,1 +1,0 @@
-from headway.models.intelligent_driver import *  # temporary

@@ -1,1 +1,0 @@
-from headway.models.optimal_velocity import *  # temporary

@@ -1,1 +1,0 @@
-from headway.models.registry import *  # temporary
