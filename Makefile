@@ -14,7 +14,7 @@ setup: .venv/ready
 	touch $@
 
 demo: setup  ## four models under one sinusoid and behind a real driving cycle
-	$(BIN)/python -m headway demo --out out/demo
+	$(BIN)/python examples/demo.py out/demo
 
 test: setup
 	$(BIN)/python -m pytest $(TEST_ARGS)

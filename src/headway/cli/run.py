@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -53,7 +51,8 @@ def run(
     if toml:
         print(description.to_toml(), end="")
         return
-    with show.working("simulating (the first run after installation compiles the engine)"), _without_blas():
+    with show.working("simulating (the first run after installation compiles the engine)"):
+        _import_numba_without_blas()
         from headway.engine.simulate import solve
 
         result = solve(description)
@@ -111,21 +110,19 @@ def _read(name: str, assignments: list[str], references: list[str]) -> Scenario:
     return from_table(table, laws, folder)
 
 
-@contextmanager
-def _without_blas() -> Iterator[None]:
-    """Keep numba from importing scipy.linalg, a third of a second that a kernel without linear algebra need not wait.
+def _import_numba_without_blas() -> None:
+    """Import numba's array functions while scipy.linalg, which they look for, cannot be found.
 
-    Only the command line does this: it owns the process, and nobody else compiles in it.
+    The kernel does no linear algebra and need not wait a third of a second for it. Only the command
+    line does this: it owns the process, and nobody else compiles in it.
     """
-    name = "scipy.linalg.cython_blas"
-    if name in sys.modules:
-        yield
+    if "scipy.linalg" in sys.modules:
         return
-    sys.modules[name] = None  # type: ignore[assignment]
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
     try:
-        yield
+        import numba.np.arraymath  # noqa: F401  imported for what it looks for
     finally:
-        del sys.modules[name]
+        del sys.modules["scipy.linalg"]
 
 
 def _write(scenario: Scenario, result: Result, out: Path | None, csv: Path | None, figure: Path | None) -> list[Path]:

@@ -28,6 +28,9 @@ _ORDER = {_STOP: 2, _START: 3, _LOW: 3, _HIGH: 3}
 #: an event within this share of a step from its start is taken at the start
 _AT_START = 1e-9
 
+#: length [s] of the step after an event, in which the vehicle is not watched
+_UNWATCHED = 1e-6
+
 
 class RunAlone(Run):
     """Integration of a plan of one lane."""
@@ -132,15 +135,18 @@ class RunAlone(Run):
             self._collide(vehicle, time)
             return
         if kind == _STOP:
-            state.go[vehicle] = 0.0
             state.ring[1, row, element] = 0.0
             state.K[0, element] = 0.0
             self.mesh.jump[node] = True
+            # behind a lag it may stop while it is asked to go already, and then it goes at once
+            state.go[vehicle] = 1.0 if state.command[0, vehicle] > 0.0 else 0.0
         elif kind == _START:
             state.go[vehicle] = 1.0
             self.mesh.jump[node] = True
-        # it may stay on the edge for the length of rounding: it is not watched during the next step
-        state.watch[vehicle] = 0.0
+        if state.go[vehicle] != 0.0:
+            # it may stay on the edge for the length of rounding: it is not watched during the next, short step
+            state.watch[vehicle] = 0.0
+            self.mesh.insert(np.array([time + _UNWATCHED]), np.array([False]))
         self._break(vehicle, time, _ORDER[kind])
 
     def _break(self, vehicle: int, time: float, order: int) -> None:

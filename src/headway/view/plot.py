@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.errors import HeadwayError
+from headway.results import writing
 from headway.view import style
 
 if TYPE_CHECKING:
@@ -35,6 +36,9 @@ _OF_PAIRS = ("gap", "relative_speed", "spacing_error", "policy_error")
 
 #: points drawn in all, and least and most points of a line; more is invisible and makes files large
 _POINTS, _LEAST, _MOST = 1_000_000, 600, 4000
+
+#: pieces of which coloured trajectories are drawn, in all
+_SEGMENTS = 200_000
 
 _SUFFIXES = (".png", ".svg", ".pdf")
 _DPI = 200
@@ -77,7 +81,7 @@ def time_space(dataset: xr.Dataset, ax: Axes | None = None, moving: bool | None 
         moving = bool(np.nanmax(np.abs(front - mean)) <= 0.25 * mean)
     figure, ax = _canvas(dataset, ax, 3.6)
     count = position.shape[0]
-    step = max(1, time.size * count // 400_000, time.size // 1500)
+    step = max(1, time.size * count // _SEGMENTS, time.size // 1500)
     t, x, v = time[::step], position[:, ::step], speed[:, ::step]
     if moving:
         x = x - mean * (t - time[0])
@@ -86,7 +90,7 @@ def time_space(dataset: xr.Dataset, ax: Axes | None = None, moving: bool | None 
     colours = (0.5 * (v[:, :-1] + v[:, 1:])).ravel()
     known = np.isfinite(segments).all(axis=(1, 2)) & np.isfinite(colours)
     lines = LineCollection(
-        list(segments[known]), cmap=style.speed_map(), linewidths=_line_width(count), capstyle="round", rasterized=True
+        list(segments[known]), cmap=style.speed_map(), linewidths=_crowded_width(x), capstyle="round", rasterized=True
     )
     lines.set_array(colours[known])
     ax.add_collection(lines)
@@ -130,16 +134,18 @@ def comparison(datasets: Mapping[str, xr.Dataset], what: Sequence[str] = ("spaci
     figure = style.new_figure(0.5 + 1.55 * len(datasets))
     axes = figure.subplots(len(datasets), len(what), sharex=True, squeeze=False)
     sizes = {dataset.sizes["vehicle"] for dataset in datasets.values()}
-    for row, (name, dataset) in zip(axes, datasets.items(), strict=True):
-        for ax, variable in zip(row, what, strict=True):
+    for i, dataset in enumerate(datasets.values()):
+        for ax, variable in zip(axes[i], what, strict=True):
             # platoons of one size share the key at the top
-            _lines(ax, dataset, variable, keyed=len(sizes) > 1 or row is axes[0])
+            _lines(ax, dataset, variable, keyed=len(sizes) > 1 or i == 0)
     for ax in axes[:-1].flat:
         ax.set_xlabel("")
     for ax, name in zip(axes[:, 0], datasets, strict=True):
-        ax.annotate(name, (0, 0.5), xytext=(-46, 0), xycoords="axes fraction", textcoords="offset points",
-                    rotation=90, ha="right", va="center", fontsize=style.LARGE, fontweight="bold")  # fmt: skip
-    figure.align_ylabels()
+        ax.annotate(
+            name, (0, 0.5), xycoords=(ax.yaxis.label, "axes fraction"), xytext=(-3, 0), textcoords="offset points",
+            rotation=90, ha="right", va="center", fontsize=style.LARGE, fontweight="bold",
+        )  # fmt: skip
+    figure.align_ylabels(axes[:, 0])
     return figure
 
 
@@ -155,14 +161,8 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
         raise HeadwayError(f"{path}: figures are written as {', '.join(_SUFFIXES)}, not as {suffix!r}")
     # without a date the same figure gives the same file
     stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with writing(path) as unfinished:
         figure.savefig(unfinished, format=suffix[1:], dpi=_DPI, metadata=stamp)
-        os.replace(unfinished, path)
-    except OSError as error:
-        raise HeadwayError(f"{path}: the figure cannot be written ({error.strerror or error})") from None
-    finally:
-        unfinished.unlink(missing_ok=True)
     return path
 
 
@@ -211,7 +211,8 @@ def _colours(dataset: xr.Dataset) -> list[Any]:
     cars = dataset["vehicle"].values
     first, last = _followers(dataset)
     shade = style.cars_map()
-    return [style.LEADER if car == 0 else shade((car - first) / max(last - first, 1)) for car in cars]
+    shades = shade((cars - first) / max(last - first, 1))
+    return [style.LEADER if car == 0 else tuple(colour) for car, colour in zip(cars, shades, strict=True)]
 
 
 def _followers(dataset: xr.Dataset) -> tuple[int, int]:
@@ -224,17 +225,20 @@ def _lines(ax: Axes, dataset: xr.Dataset, name: str, keyed: bool = True) -> None
     """One line for each car or pair over time, with axes, collisions and (if `keyed`) what names the lines."""
     from matplotlib.collections import LineCollection
 
-    rows = _drawn(dataset, name)
-    values, colours = _values(dataset, name)[rows], [_colours(dataset)[row] for row in rows]
-    time, shown = _thin(dataset["time"].values, values)
-    # the leader is drawn last, on top of the others
-    order = sorted(range(len(rows)), key=lambda i: dataset["vehicle"].values[rows[i]] == 0)
-    lines = [np.column_stack((time[i], shown[i])) for i in order]
-    widths = [_line_width(len(rows)) * (1.3 if colours[i] == style.LEADER else 1.0) for i in order]
-    many = len(rows) > 100
-    ax.add_collection(
-        LineCollection(lines, colors=[colours[i] for i in order], linewidths=widths, rasterized=many, zorder=2)
+    rows, colours = _drawn(dataset, name), _colours(dataset)
+    time, shown = _thin(dataset["time"].values, _values(dataset, name)[rows])
+    keyed_by_name = len(rows) <= style.KEYED + 1
+    # the leader is drawn on top of few others and beneath many
+    order = sorted(range(len(rows)), key=lambda i: (colours[rows[i]] == style.LEADER) == keyed_by_name)
+    width = _line_width(len(rows))
+    lines = LineCollection(
+        [np.column_stack((time[i], shown[i])) for i in order],
+        colors=[colours[rows[i]] for i in order],
+        linewidths=[width * (1.2 if colours[rows[i]] == style.LEADER else 1.0) for i in order],
+        rasterized=len(rows) > 100,
+        zorder=2,
     )
+    ax.add_collection(lines)
     if name in ("spacing_error", "policy_error", "relative_speed", "acceleration"):
         ax.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
     ax.autoscale_view()
@@ -252,18 +256,35 @@ def _key(ax: Axes, dataset: xr.Dataset, name: str) -> None:
     from matplotlib.lines import Line2D
 
     rows, cars, colours = _drawn(dataset, name), dataset["vehicle"].values, _colours(dataset)
-    if len(rows) > style.KEYED + 1:
-        style.cars_bar(ax, *_followers(dataset))
-        return
-    handles = [Line2D([], [], color=colours[row]) for row in rows]
     pairs = name in _OF_PAIRS
-    labels = [f"{cars[row] - 1}-{cars[row]}" if pairs else f"{cars[row]}" for row in rows]
-    style.cars_key(ax, handles, labels, "Cars" if pairs else "Car")
+    entries: dict[str, Any] = {}
+    if len(rows) <= style.KEYED + 1:
+        entries["Cars" if pairs else "Car"] = Line2D([], [], linestyle="none")
+        for row in rows:
+            label = f"{cars[row] - 1}-{cars[row]}" if pairs else f"{cars[row]}"
+            entries[label] = Line2D([], [], color=colours[row], linewidth=2.0)
+    else:
+        style.cars_bar(ax, *_followers(dataset))
+        if not pairs and 0 in cars:
+            entries["leader"] = Line2D([], [], color=style.LEADER, linewidth=2.0)
+    if _collisions(dataset):
+        entries["collision"] = Line2D([], [], **style.CROSS)
+    if entries:
+        style.key_above(ax, entries)
 
 
 def _line_width(count: int) -> float:
     """Width [pt] of lines of which there are `count`."""
     return float(np.clip(6.0 / count**0.5, 0.35, 1.3))
+
+
+def _crowded_width(position: Array) -> float:
+    """Width [pt] of trajectories in a panel about 150 points high, so that neighbours stay apart."""
+    extent = float(np.nanmax(position) - np.nanmin(position))
+    spacing = np.abs(np.diff(position, axis=0))
+    if not extent > 0 or not np.isfinite(spacing).any():
+        return 1.5
+    return float(np.clip(0.6 * 150.0 * float(np.nanmedian(spacing)) / extent, 0.35, 1.6))
 
 
 def _thin(time: Array, values: Array) -> tuple[Array, Array]:
@@ -285,28 +306,33 @@ def _thin(time: Array, values: Array) -> tuple[Array, Array]:
     return time[pick], np.take_along_axis(values, pick, axis=1)
 
 
-def _mark_collisions(ax: Axes, dataset: xr.Dataset, name: str, frame_speed: float = 0.0) -> None:
-    """A cross and the name of the pair where a car met the one ahead: at its last value."""
+def _collisions(dataset: xr.Dataset) -> list[tuple[int, float]]:
+    """Row and time [s] of every collision within the times of the dataset."""
     if "collision_time" not in dataset.variables:
+        return []
+    moments = np.atleast_1d(np.asarray(dataset["collision_time"].values, dtype=float))
+    first, last = dataset["time"].values[[0, -1]]
+    return [(row, float(t)) for row, t in enumerate(moments) if first <= t <= last]
+
+
+def _mark_collisions(ax: Axes, dataset: xr.Dataset, name: str, frame_speed: float = 0.0) -> None:
+    """A cross where a car met the one ahead, at its last value; few are labelled with the pair."""
+    from matplotlib.patheffects import withStroke
+
+    found = _collisions(dataset)
+    if not found:
         return
-    time, values = dataset["time"].values, _values(dataset, name)
-    moments = np.asarray(dataset["collision_time"].values, dtype=float)
-    for row in np.flatnonzero(np.isfinite(moments)):
-        known = np.flatnonzero(np.isfinite(values[row]) & (time <= moments[row]))
-        if not known.size or not time[0] <= moments[row] <= time[-1]:
+    time, values, cars = dataset["time"].values, _values(dataset, name), dataset["vehicle"].values
+    for row, moment in found:
+        known = np.flatnonzero(np.isfinite(values[row]) & (time <= moment))
+        if not known.size:
             continue
-        value = values[row, known[-1]] - frame_speed * (moments[row] - time[0])
-        late = moments[row] > 0.5 * (time[0] + time[-1])
-        car = int(dataset["vehicle"].values[row])
-        ax.plot(moments[row], value, "x", color=style.COLLISION, markersize=6, markeredgewidth=1.6, zorder=4)
-        ax.annotate(
-            f"{car - 1}-{car} collide",
-            (moments[row], value),
-            xytext=(-6 if late else 6, 0),
-            textcoords="offset points",
-            ha="right" if late else "left",
-            va="center",
-            fontsize=style.SMALL,
-            color=style.COLLISION,
-            zorder=4,
-        )
+        value = values[row, known[-1]] - frame_speed * (time[known[-1]] - time[0])
+        ax.plot([moment], [value], **style.CROSS, zorder=4, clip_on=False)
+        if len(found) <= style.KEYED:
+            late = moment > 0.9 * time[-1] + 0.1 * time[0]
+            ax.annotate(
+                f"{cars[row] - 1}-{cars[row]}", (moment, value), xytext=(-5 if late else 5, 0),
+                textcoords="offset points", ha="right" if late else "left", va="center", fontsize=style.SMALL,
+                color=style.COLLISION, path_effects=[withStroke(linewidth=2, foreground="white")], zorder=5,
+            )  # fmt: skip

@@ -8,7 +8,7 @@ global settings.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,13 +21,21 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
-__all__ = ["COLLISION", "LEADER", "SMALL", "WIDTH", "axes_style", "axis_label", "cars_bar", "cars_key", "cars_map", "new_figure", "speed_map"]
+__all__ = [
+    "COLLISION", "CROSS", "KEYED", "LARGE", "LEADER", "SMALL", "WIDTH", "axes_style", "axis_label", "bar_style",
+    "cars_bar", "cars_map", "key_above", "new_figure", "speed_map",
+]  # fmt: skip
 
 #: width [in] of a figure across two columns of print, and the font sizes [pt] at that width
 WIDTH, SMALL, LARGE = 7.2, 8.0, 9.5
 
 #: colours of the leader and of a collision
 LEADER, COLLISION = "black", "#d55e00"
+
+#: how a collision is marked
+CROSS: dict[str, Any] = {
+    "linestyle": "none", "marker": "x", "color": COLLISION, "markersize": 6.0, "markeredgewidth": 1.6,
+}  # fmt: skip
 
 #: most followers that get a line of their own in the key; a colour bar serves more
 KEYED = 8
@@ -68,7 +76,7 @@ def axis_label(dataset: xr.Dataset, name: str) -> str:
 
 def cars_map() -> Colormap:
     """Map of the followers, dark ahead and light behind, without the ends that look black or fade on paper."""
-    return _part_of("viridis", 0.1, 0.9)
+    return _part_of("viridis", 0.1, 0.87)
 
 
 def speed_map() -> Colormap:
@@ -83,16 +91,14 @@ def _part_of(name: str, low: float, high: float) -> Colormap:
     return ListedColormap(colormaps[name](np.linspace(low, high, 256)), name=f"{name} {low:g} to {high:g}")
 
 
-def cars_key(ax: Axes, handles: Sequence[Any], labels: Sequence[str], lead: str) -> None:
-    """A key in one row above the axes: the word `lead` once, then a line and a label for each car."""
-    from matplotlib.lines import Line2D
-
-    legend = ax.legend(
-        [Line2D([], [], linestyle="none"), *handles],
-        [lead, *labels],
+def key_above(ax: Axes, entries: Mapping[str, Any]) -> None:
+    """A key in one row above the axes: labels and the lines that they name."""
+    ax.legend(
+        list(entries.values()),
+        list(entries),
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
-        ncols=len(labels) + 1,
+        ncols=len(entries),
         frameon=False,
         fontsize=SMALL,
         handlelength=0.9,
@@ -101,8 +107,6 @@ def cars_key(ax: Axes, handles: Sequence[Any], labels: Sequence[str], lead: str)
         borderaxespad=0.0,
         borderpad=0.2,
     )
-    for line in legend.get_lines():
-        line.set_linewidth(2.0)
 
 
 def cars_bar(ax: Axes, first: int, last: int) -> None:
