@@ -82,7 +82,8 @@ def time_space(dataset: xr.Dataset, ax: Axes | None = None, moving: bool | None 
     figure, ax = _canvas(dataset, ax, 3.6)
     count = position.shape[0]
     step = max(1, time.size * count // _SEGMENTS, time.size // 1500)
-    t, x, v = time[::step], position[:, ::step], speed[:, ::step]
+    shown = np.unique(np.append(np.arange(0, time.size, step), time.size - 1))
+    t, x, v = time[shown], position[:, shown], speed[:, shown]
     if moving:
         x = x - mean * (t - time[0])
     points = np.stack(np.broadcast_arrays(t, x), axis=-1)
@@ -137,7 +138,9 @@ def comparison(datasets: Mapping[str, xr.Dataset], what: Sequence[str] = ("spaci
     for i, dataset in enumerate(datasets.values()):
         for ax, variable in zip(axes[i], what, strict=True):
             # platoons of one size share the key at the top
-            _lines(ax, dataset, variable, keyed=len(sizes) > 1 or i == 0)
+            _lines(ax, dataset, variable, keyed=len(sizes) > 1)
+            if len(sizes) == 1 and i == 0:
+                _key(ax, dataset, variable, any(map(_collisions, datasets.values())))
     for ax in axes[:-1].flat:
         ax.set_xlabel("")
     for ax, name in zip(axes[:, 0], datasets, strict=True):
@@ -158,7 +161,8 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _SUFFIXES:
-        raise HeadwayError(f"{path}: figures are written as {', '.join(_SUFFIXES)}, not as {suffix!r}")
+        given = suffix or "a file without suffix"
+        raise HeadwayError(f"{path}: a figure cannot be written as {given}; allowed are {', '.join(_SUFFIXES)}")
     # without a date the same figure gives the same file
     stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
     with writing(path) as unfinished:
@@ -248,27 +252,25 @@ def _lines(ax: Axes, dataset: xr.Dataset, name: str, keyed: bool = True) -> None
     ax.set_xlabel(style.axis_label(dataset, "time"))
     ax.set_ylabel(style.axis_label(dataset, name))
     if keyed:
-        _key(ax, dataset, name)
+        _key(ax, dataset, name, bool(_collisions(dataset)))
 
 
-def _key(ax: Axes, dataset: xr.Dataset, name: str) -> None:
-    """Say which line is whose: by name for few cars, by a colour bar for many."""
-    from matplotlib.lines import Line2D
-
+def _key(ax: Axes, dataset: xr.Dataset, name: str, crosses: bool) -> None:
+    """Say which line is whose: by name for few cars, by a colour bar for many; and what crosses are."""
     rows, cars, colours = _drawn(dataset, name), dataset["vehicle"].values, _colours(dataset)
     pairs = name in _OF_PAIRS
     entries: dict[str, Any] = {}
     if len(rows) <= style.KEYED + 1:
-        entries["Cars" if pairs else "Car"] = Line2D([], [], linestyle="none")
+        entries["Cars" if pairs else "Car"] = None
         for row in rows:
             label = f"{cars[row] - 1}-{cars[row]}" if pairs else f"{cars[row]}"
-            entries[label] = Line2D([], [], color=colours[row], linewidth=2.0)
+            entries[label] = {"color": colours[row], "linewidth": 2.0}
     else:
         style.cars_bar(ax, *_followers(dataset))
         if not pairs and 0 in cars:
-            entries["leader"] = Line2D([], [], color=style.LEADER, linewidth=2.0)
-    if _collisions(dataset):
-        entries["collision"] = Line2D([], [], **style.CROSS)
+            entries["leader"] = {"color": style.LEADER, "linewidth": 2.0}
+    if crosses:
+        entries["collision"] = style.CROSS
     if entries:
         style.key_above(ax, entries)
 
@@ -332,7 +334,7 @@ def _mark_collisions(ax: Axes, dataset: xr.Dataset, name: str, frame_speed: floa
         if len(found) <= style.KEYED:
             late = moment > 0.9 * time[-1] + 0.1 * time[0]
             ax.annotate(
-                f"{cars[row] - 1}-{cars[row]}", (moment, value), xytext=(-5 if late else 5, 0),
+                f"{cars[row] - 1}-{cars[row]}", (moment, value), xytext=(-4 if late else 4, 6),
                 textcoords="offset points", ha="right" if late else "left", va="center", fontsize=style.SMALL,
                 color=style.COLLISION, path_effects=[withStroke(linewidth=2, foreground="white")], zorder=5,
             )  # fmt: skip

@@ -92,21 +92,35 @@ def _part_of(name: str, low: float, high: float) -> Colormap:
 
 
 def key_above(ax: Axes, entries: Mapping[str, Any]) -> None:
-    """A key in one row above the axes: labels and the lines that they name."""
-    ax.legend(
-        list(entries.values()),
-        list(entries),
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=len(entries),
-        frameon=False,
-        fontsize=SMALL,
-        handlelength=0.9,
-        handletextpad=0.3,
-        columnspacing=0.7,
-        borderaxespad=0.0,
-        borderpad=0.2,
-    )
+    """A key above the axes: for each label the look of its line, or None for a mere word; rows as width needs."""
+    from matplotlib.lines import Line2D
+    from matplotlib.offsetbox import AnchoredOffsetbox, DrawingArea, HPacker, TextArea, VPacker
+
+    subplot = ax.get_subplotspec()
+    share = 1.0 / subplot.get_gridspec().ncols if subplot is not None else ax.get_position().width
+    room = max(72.0 * (share * float(ax.get_figure(root=True).get_figwidth()) - 1.0), 72.0)  # type: ignore[union-attr]
+    rows: list[list[Any]] = [[]]
+    used = 0.0
+    for label, look in entries.items():
+        need = (12.0 if look else 0.0) + 0.62 * SMALL * len(label) + 4.0
+        if used + need > room and rows[-1]:
+            rows.append([])
+            used = 0.0
+        used += need
+        parts: list[Any] = [TextArea(label, textprops={"fontsize": SMALL})]
+        if look:
+            area = DrawingArea(9.0, 6.0)
+            middle = "marker" in look
+            area.add_artist(Line2D([4.5] if middle else [0.5, 8.5], [3.0] if middle else [3.0, 3.0], **look))
+            parts.insert(0, area)
+        rows[-1].append(HPacker(children=parts, align="center", pad=0, sep=2.5))
+    lines: list[Any] = [HPacker(children=row, align="center", pad=0, sep=5.0) for row in rows]
+    key = AnchoredOffsetbox(
+        "lower left", pad=0, borderpad=0.3, frameon=False, bbox_to_anchor=(0.0, 1.0), bbox_transform=ax.transAxes,
+        child=VPacker(children=lines, align="left", pad=0, sep=2.0),
+    )  # fmt: skip
+    key.set_clip_on(False)
+    ax.add_artist(key)
 
 
 def cars_bar(ax: Axes, first: int, last: int) -> None:
