@@ -47,7 +47,8 @@ def compiled(law: str, equal: bool, prepared: bool, flags: str) -> ctypes.CDLL:
     target = Path(tempfile.mkdtemp(prefix="plain-")) / "plain.so"
     defined = [f"-DLAW={law.upper()}", f"-DEQUAL={int(equal)}", f"-DPREPARED={int(prepared)}"]
     source = str(Path(__file__).with_name("plain.c"))
-    subprocess.run([found, *FLAGS[flags].split(), "-shared", "-fPIC", *defined, source, "-o", target, "-lm"], check=True)
+    options = [*FLAGS[flags].split(), "-shared", "-fPIC", *defined]
+    subprocess.run([found, *options, source, "-o", target, "-lm"], check=True)
     library = ctypes.CDLL(str(target))
     shutil.rmtree(target.parent)
     return library

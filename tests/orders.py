@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 
-def geometric(largest: float, smallest: float, count: int = 9) -> np.ndarray:
+def geometric(largest: float, smallest: float, count: int = 13) -> np.ndarray:
     """Steps [s] in a geometric row; off the grid of anything, so that no two meshes are alike."""
     return np.geomspace(largest, smallest, count)
 

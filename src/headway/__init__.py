@@ -48,6 +48,8 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "behind": ("headway.scenario.behind", "behind"),
     "simulate": ("headway.engine.simulate", "simulate"),
     "simulate_many": ("headway.engine.simulate", "simulate_many"),
+    "linearize": ("headway.analysis.linear", "linearize"),
+    "head_to_tail": ("headway.analysis.linear", "head_to_tail"),
     "metrics": ("headway.analysis.metrics", None),
     "save": ("headway.results", "save"),
     "open_results": ("headway.results", "open_results"),
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
     from headway import data, library, models
     from headway.analysis import metrics
     from headway.analysis.conformance import check_model
+    from headway.analysis.linear import head_to_tail, linearize
     from headway.engine.simulate import simulate, simulate_many
     from headway.errors import HeadwayError, HeadwayWarning
     from headway.models import maths

@@ -42,7 +42,9 @@ def _guarded(name: str, check: Callable[[Law], str | None], law: Law, required: 
 
 def _states(law: Law) -> Iterator[dict[str, float]]:
     """Plausible states of traffic, by signal."""
-    for s, v, dv, a in itertools.product((3.0, 12.0, 40.0, 120.0), (0.5, 8.0, 23.0, 33.0), (-4.0, 0.0, 3.0), (-1.0, 0.5)):
+    for s, v, dv, a in itertools.product(
+        (3.0, 12.0, 40.0, 120.0), (0.5, 8.0, 23.0, 33.0), (-4.0, 0.0, 3.0), (-1.0, 0.5)
+    ):
         state = {"s": s, "v": v, "dv": dv, "a": a, "vl": v + dv, "al": -a, "v0l": v + 0.5 * dv, "a0l": 0.2}
         yield {n: state[n] for n in law.signals}
 
@@ -107,7 +109,9 @@ def _sane_signs(law: Law) -> str | None:
         if slope.get("v", 0.0) > 1e-9:
             return f"at {speed:g} m/s it speeds up the faster it is (f_v = {slope['v']:.3g} 1/s)"
         if slope.get("dv", 0.0) < -1e-9:
-            return f"at {speed:g} m/s it slows down when the gap opens (f_dv = {slope['dv']:.3g} 1/s): is dv turned round?"
+            return (
+                f"at {speed:g} m/s it slows down when the gap opens (f_dv = {slope['dv']:.3g} 1/s): is dv turned round?"
+            )
     return None
 
 

@@ -13,6 +13,7 @@ from headway import __version__
 from headway.cli.data import data_app
 from headway.cli.models import check, models
 from headway.cli.run import run, schema
+from headway.cli.stability import stability
 from headway.errors import HeadwayError, HeadwayWarning
 
 __all__ = ["app", "main"]
@@ -26,6 +27,7 @@ app = App(
     help_format="plaintext",
 )
 app.command(run)
+app.command(stability)
 app.command(models)
 app.command(check)
 app.command(schema)

@@ -103,7 +103,7 @@ def compare(
     from headway.scenario.vehicle import Vehicle
 
     law = load_laws(model)[0] if ".py" in model else find(model)
-    follower = Vehicle(law(**_numbers(set_)), delay=delay, lag=lag)
+    follower = Vehicle(law(**numbers(set_)), delay=delay, lag=lag)
     scenario, section = behind(file, follower, start=start, end=end, reading=_reading(format, column, unit))
     with show.working("simulating"):
         results = simulate(scenario)
@@ -126,7 +126,8 @@ def compare(
     show.table(f"{law.name} in the place of the followers of {file}", ("vehicle", *columns.values()), rows)
 
 
-def _numbers(assignments: list[str] | None) -> dict[str, float]:
+def numbers(assignments: list[str] | None) -> dict[str, float]:
+    """Parameters of texts such as T=1.2."""
     values = {}
     for text in assignments or []:
         name, equals, value = text.partition("=")

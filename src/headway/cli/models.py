@@ -40,9 +40,9 @@ def _print(law: Law) -> None:
     print(f"  signals: {', '.join(law.signals)}")
     for p in law.parameters.values():
         unit = f" {p.info.unit}" if p.info.unit not in ("", "1") else ""
-        print(f"  {p.name:>6} = {p.default:g}{unit:<8} [{p.range}]  {p.info.text}")
+        print(f"  {p.name:>6} = {f'{p.default:g}{unit}':<16} {f'[{p.range}]':<16} {p.info.text}".rstrip())
     if law.source:
-        print(f"  {law.source}, doi:{law.doi}")
+        print(f"  {law.source}" + (f", doi:{law.doi}" if law.doi else ""))
     print()
 
 

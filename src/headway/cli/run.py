@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from headway.engine.run import Result
     from headway.scenario.scenario import Scenario
 
-__all__ = ["run", "schema"]
+__all__ = ["read_scenario", "run", "schema"]
 
 
 def run(
@@ -47,7 +47,7 @@ def run(
         raise HeadwayError("run needs a scenario: a TOML file, or a name that headway run --list shows")
     for path, kinds in ((out, (".nc",)), (csv, (".csv",)), (figure, (".png", ".svg", ".pdf"))):
         _check_target(path, kinds)
-    description = _read(scenario, set_ or [], model or [])
+    description = read_scenario(scenario, set_ or [], model or [])
     if toml:
         print(description.to_toml(), end="")
         return
@@ -93,7 +93,8 @@ def _check_target(path: Path | None, kinds: tuple[str, ...]) -> None:
         raise HeadwayError(f"{path}: the folder {path.parent} does not exist")
 
 
-def _read(name: str, assignments: list[str], references: list[str]) -> Scenario:
+def read_scenario(name: str, assignments: list[str], references: list[str]) -> Scenario:
+    """The scenario of a file or of the library, with overrides and laws of one's own."""
     from headway.models.own import load_laws
     from headway.scenario.files import from_table, override, read_table
 

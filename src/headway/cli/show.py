@@ -28,10 +28,12 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], lef
         sheet.add_column(name, justify="left" if i < left else "right", overflow="fold")
     for row in rows:
         sheet.add_row(*row)
-    console = Console()
+    plain: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}  # "[m]" is a unit, not a style
+    console = Console(**plain)
     # in a pipe a table keeps its natural width instead of being folded to 80 columns
     if not console.is_terminal:
-        console = Console(width=max(80, 2 + sum(max([len(c), *(len(r[i]) for r in rows)]) + 2 for i, c in enumerate(columns))))
+        natural = sum(max([len(c), *(len(r[i]) for r in rows)]) + 3 for i, c in enumerate(columns))
+        console = Console(width=max(80, len(title), natural), **plain)
     console.print(sheet)
 
 

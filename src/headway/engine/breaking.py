@@ -2,8 +2,10 @@
 
 A jump of the q-th derivative of a position (q = 1 speed, 2 acceleration, …) reaches whoever looks
 at it after his delay, smoother by two derivatives through a gap, by one through a speed, by none
-through an acceleration, and by one more behind an actuator lag. A Runge-Kutta method of order 4
-does not see jumps above the fourth derivative. (Bellen and Zennaro, Numerical Methods for Delay
+through an acceleration, and by one more behind an actuator lag. A follower's jumps are counted as
+those of what it is commanded, which its own integration has to see: q = 2 is a jump of the command,
+and behind a lag the position's jump is of order q + 1. A Runge-Kutta method of order 4 does not see
+jumps above the fourth. (Bellen and Zennaro, Numerical Methods for Delay
 Differential Equations, 2003, ch. 2; theory: Σ m_i τ_i.)
 """
 
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from headway.scenario.motion import HIGHEST_ORDER
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["TICK", "Jumps", "merge", "propagate"]
+__all__ = ["TICK", "Jumps", "merge", "own_order", "propagate"]
 
 #: times closer than this [s] are one breaking point; a step that ends this far from a jump of an
 #: acceleration makes an error of their product in the speed
@@ -60,6 +62,11 @@ def merge(parts: Sequence[Jumps]) -> Jumps:
     return Jumps(tick[first], np.minimum.reduceat(order, np.flatnonzero(first)))
 
 
+def own_order(vehicle: Vehicle, order: int) -> int:
+    """The order, as counted here, of a jump in the `order`-th derivative of the vehicle's own position."""
+    return order - (vehicle.lag > 0)
+
+
 def propagate(
     vehicles: Sequence[Vehicle], leader: Jumps, own: dict[int, Jumps], end: float
 ) -> list[Jumps]:
@@ -68,38 +75,38 @@ def propagate(
     `own` holds those that begin at a vehicle itself (1 is the first follower): its initial state,
     a stop, a limit that is reached.
     """
-    result = [leader]
+    result, lagged = [leader], False
     known: dict[tuple, Jumps] = {}
     for n, vehicle in enumerate(vehicles, start=1):
         ahead, begun = result[-1], own.get(n, NONE)
-        key = (vehicle.channel, vehicle.model.law, vehicle.lag > 0, *(a.tobytes() for a in (*ahead, *begun)))
+        key = (vehicle.channel, vehicle.model.law, vehicle.lag > 0, lagged, *(a.tobytes() for a in (*ahead, *begun)))
         if key not in known:
-            known[key] = _of_follower(vehicle, ahead, leader, begun, end)
+            known[key] = _of_follower(vehicle, ahead, lagged, leader, begun, end)
         result.append(known[key])
+        lagged = vehicle.lag > 0
     return result
 
 
-def _of_follower(vehicle: Vehicle, ahead: Jumps, leader: Jumps, begun: Jumps, end: float) -> Jumps:
+def _of_follower(vehicle: Vehicle, ahead: Jumps, lagged: bool, leader: Jumps, begun: Jumps, end: float) -> Jumps:
     c, signals = vehicle.channel, set(vehicle.model.law.signals)
-    slower = 1 if vehicle.lag > 0 else 0
     from_ahead = [(c.s, 2, "s"), (c.leader_speed_in_dv, 1, "dv"), (c.vl, 1, "vl"), (c.al, 0, "al")]
     from_leader = [(c.v0l, 1, "v0l"), (c.a0l, 0, "a0l")]
     # an acceleration that is known at once is an algebraic loop or a state: neither breaks anything anew
     from_self = [(c.s, 2, "s"), (c.v, 1, "v"), (c.own_speed_in_dv, 1, "dv")] + ([(c.a, 0, "a")] if c.a > 0 else [])
     limit = int(end / TICK)
 
-    def shifted(jumps: Jumps, delay: float, smoother: int) -> Jumps:
+    def shifted(jumps: Jumps, delay: float, smoother: int, lag: bool) -> Jumps:
         tick = jumps.tick + round(delay / TICK)
         inside = tick <= limit
-        return Jumps(tick[inside], jumps.order[inside] + smoother + slower)
+        return Jumps(tick[inside], jumps.order[inside] + smoother + lag)
 
     found = merge(
         [begun]
-        + [shifted(ahead, d, q) for d, q, name in from_ahead if name in signals]
-        + [shifted(leader, d, q) for d, q, name in from_leader if name in signals]
+        + [shifted(ahead, d, q, lagged) for d, q, name in from_ahead if name in signals]
+        + [shifted(leader, d, q, False) for d, q, name in from_leader if name in signals]
     )
     while True:
-        more = merge([found] + [shifted(found, d, q) for d, q, name in from_self if name in signals])
+        more = merge([found] + [shifted(found, d, q, vehicle.lag > 0) for d, q, name in from_self if name in signals])
         if np.array_equal(more.tick, found.tick) and np.array_equal(more.order, found.order):
             return found
         found = more

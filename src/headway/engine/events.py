@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.engine import kernel
-from headway.engine.breaking import Jumps, propagate
+from headway.engine.breaking import Jumps, own_order, propagate
+from headway.engine.mesh import TWO_SIDED
 from headway.engine.plan import Plan, all_jumps
 from headway.engine.run import Result, Run
 
@@ -22,8 +23,8 @@ Array = NDArray[np.float64]
 
 _GAP, _STOP, _START, _LOW, _HIGH = range(5)
 
-#: order of the derivative of the position that jumps at an event of each kind
-_ORDER = {_STOP: 2, _START: 3, _LOW: 3, _HIGH: 3}
+#: order (`headway.engine.breaking`) of the jump that an event of each kind is
+_ORDER = {_START: 3, _LOW: 3, _HIGH: 3}
 
 #: an event within this share of a step from its start is taken at the start
 _AT_START = 1e-9
@@ -51,6 +52,13 @@ class RunAlone(Run):
             elif resting:
                 self._watch_again()
         return self.result()
+
+    def result(self) -> Result:
+        """Beyond a collision nothing is known, although laws of late signals would go on answering for a while."""
+        result = super().result()
+        for vehicle in np.flatnonzero(np.isfinite(self.collision)):
+            result.motion[:, result.time >= self.collision[vehicle], vehicle:] = np.nan
+        return result
 
     # -- finding -------------------------------------------------------------------------------
 
@@ -86,7 +94,7 @@ class RunAlone(Run):
 
         if not start > 0.0:
             return 0.0
-        return float(brentq(lambda share: self._try(share)[kind, vehicle] if share > 0 else start, 0.0, most, xtol=1e-14))
+        return float(brentq(lambda share: self._try(share)[kind, vehicle] if share > 0 else start, 0.0, most, xtol=1e-12))
 
     def _try(self, share: float) -> Array:
         """Measures after only a share of the step; nothing is committed."""
@@ -147,7 +155,9 @@ class RunAlone(Run):
             # it may stay on the edge for the length of rounding: it is not watched during the next, short step
             state.watch[vehicle] = 0.0
             self.mesh.insert(np.array([time + _UNWATCHED]), np.array([False]))
-        self._break(vehicle, time, _ORDER[kind])
+        # a stop ends an acceleration, also one behind a lag
+        order = own_order(self.plan.scenarios[0].followers[vehicle], 2) if kind == _STOP else _ORDER[kind]
+        self._break(vehicle, time, order)
 
     def _break(self, vehicle: int, time: float, order: int) -> None:
         """Put nodes where the event will be felt late."""
@@ -159,7 +169,7 @@ class RunAlone(Run):
             # propagated from the rounded time: shift back onto the exact one
             exact = jumps.time[later] + (time - Jumps.of(time, order).time[0])
             inside = exact < scenario.end
-            self.mesh.insert(exact[inside], (jumps.order[later] <= self.plan.two_sided)[inside])
+            self.mesh.insert(exact[inside], (jumps.order[later] <= TWO_SIDED)[inside])
 
     def _collide(self, vehicle: int, time: float) -> None:
         """A collision is data: this vehicle and all behind it are not simulated any further."""

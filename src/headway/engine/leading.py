@@ -22,14 +22,14 @@ def lead_exact(plan: Plan, nodes: Array, first: int, last: int) -> tuple[Array, 
     start, end = nodes[first:last], nodes[first + 1 : last + 1]
     lead = np.zeros((start.size, len(AT), 3, len(plan.motions)))
     late = np.zeros((plan.delays.size, *lead.shape))
-    for c, at in enumerate(AT):
-        if at == AT[3] and not plan.extra:
-            continue
-        t = end if at == 1.0 else start + at * (end - start)
-        side: Side = "left" if at == 1.0 else "right"
-        lead[:, c] = np.stack(at_lanes(plan.motions, t, side), axis=1)
-        for d, delay in enumerate(plan.delays):
-            late[d, :, c] = np.stack(at_lanes(plan.motions, t - delay, side), axis=1)
+    ago = np.concatenate(([0.0], plan.delays))
+    sides: tuple[tuple[Side, tuple[int, ...]], ...] = (("right", (0, 1, 3) if plan.extra else (0, 1)), ("left", (2,)))
+    for side, positions in sides:
+        # all times of one side at once: (delay, step, position)
+        t = np.stack([end if AT[c] == 1.0 else start + AT[c] * (end - start) for c in positions], axis=-1)
+        times = t - ago[:, None, None]
+        found = np.stack(at_lanes(plan.motions, times.ravel(), side), axis=1).reshape(*times.shape, 3, -1)
+        lead[:, positions], late[:, :, positions] = found[0], found[1:]
     return lead, late
 
 

@@ -17,8 +17,7 @@ Array = NDArray[np.float64]
 #: point from which a history of accelerations becomes fourth order between its nodes
 AT = (0.0, 0.5, 1.0, 1.0 / 3.0)
 
-#: jumps of this order or lower make an acceleration differ on both sides of a node; behind an
-#: actuator lag jumps of the next order do the same to its rate of change
+#: jumps of this order or lower make a command differ on both sides of a node
 TWO_SIDED = 2
 
 
@@ -52,28 +51,27 @@ def _close(t: float) -> float:
     return 1.5e-9 + 1e-14 * abs(t)
 
 
-def build_mesh(end: float, dt: float, outputs: Array, jumps: Jumps | None, two_sided: int = TWO_SIDED) -> Mesh:
+def build_mesh(end: float, dt: float, outputs: Array, jumps: Jumps | None) -> Mesh:
     """Steps of `dt`, shortened to end on every breaking point (None: the ballistic scheme, which has none) and output.
 
-    Jumps up to order `two_sided` are marked: there the step starts with a new evaluation. Where a
-    chain of delays would give more breaking points than twice the plain steps, the smoothest are
-    left out first (order 4, then 3).
+    Where a chain of delays would give more breaking points than twice the plain steps, the
+    smoothest are left out first (order 4, then 3).
     """
     count = int(np.ceil(end / dt - 1e-9))
     plain = np.append(np.arange(count) * dt, end)
     parts = [plain, outputs]
-    jumping = np.empty(0)
+    two_sided = np.empty(0)
     if jumps is not None:
         order = 4
-        while order > two_sided and np.sum(jumps.order <= order) > 2 * count + 1000:
+        while order > TWO_SIDED and np.sum(jumps.order <= order) > 2 * count + 1000:
             order -= 1
         time = jumps.time[(jumps.order <= order) & (jumps.time < end)]
-        jumping = jumps.time[jumps.order <= two_sided]
+        two_sided = jumps.time[jumps.order <= TWO_SIDED]
         parts.append(time)
     raw = np.sort(np.concatenate(parts))
     nodes = raw[np.concatenate(([True], np.diff(raw) > 1.5e-9))]
     nodes[0], nodes[-1] = 0.0, end
-    return Mesh(nodes, _marks(nodes, jumping), _marks(nodes, outputs))
+    return Mesh(nodes, _marks(nodes, two_sided), _marks(nodes, outputs))
 
 
 def _marks(nodes: Array, times: Array) -> NDArray[np.bool_]:
@@ -109,8 +107,12 @@ def look_up(nodes: Array, first: int, last: int, delays: Array, before: float, e
     Row numbers count from the row of step `first`. On a node the start of a step takes the limit from the right, its end that from
     the left.
     """
-    history = np.concatenate(([-before], nodes[: last + 1]))
     start, length = nodes[first:last], np.diff(nodes[first : last + 1])
+    # only as much of the past as the longest delay reaches; `base` is the history row of its first node
+    reach = nodes[first] - float(delays.max(initial=0.0)) - 1e-8
+    base = max(int(np.searchsorted(nodes, reach)) - 1, 0)
+    history = nodes[base : last + 1] if base else np.concatenate(([-before], nodes[: last + 1]))
+    base = base + 1 if base else 0
     at = np.array(AT)
     t = start[None, :, None] + length[None, :, None] * at - delays[:, None, None]
     row = np.searchsorted(history, t, side="right") - 1
@@ -125,16 +127,16 @@ def look_up(nodes: Array, first: int, last: int, delays: Array, before: float, e
     row = np.where(left, row - 1, row)
     step = history[row + 1] - history[row]
     theta = np.where(left, 1.0, (t - history[row]) / step)
-    past = row == 0
+    past = row + base == 0
     motion, speed = (_ballistic if ballistic else _hermite)(theta, step)
     linear = np.stack((1.0 - theta, theta, 0.0 * theta, 0.0 * theta), axis=-1)
     motion = np.where(past[..., None], linear, motion)
     speed = np.where(past[..., None], linear, speed)
     acceleration = _held(theta) if ballistic else _acceleration(theta, step, extra)
     acceleration = np.where(past[..., None], 0.0, acceleration)
-    own = np.arange(first, last)[None, :, None] + 1
-    inside = np.any(row == own, axis=(0, 2))
-    return Lookup(row - (first + 1), motion, speed, acceleration, inside)
+    relative = row + base - (first + 1)
+    inside = np.any(relative == np.arange(last - first)[None, :, None], axis=(0, 2))
+    return Lookup(relative, motion, speed, acceleration, inside)
 
 
 def _hermite(theta: Array, step: Array) -> tuple[Array, Array]:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine.breaking import Jumps, propagate
+from headway.engine.breaking import Jumps, own_order, propagate
 from headway.engine.compile import address
 from headway.engine.kernel import GROUP, SIGNAL_CODES, Platoon
-from headway.engine.mesh import TWO_SIDED, Mesh, build_mesh
+from headway.engine.mesh import Mesh, build_mesh
 from headway.models import Law
 from headway.scenario.channel import Channel
 from headway.scenario.motion import Motion
@@ -78,7 +78,6 @@ class Plan:
     motions: list[Motion]
     delays: Array
     mesh: Mesh
-    two_sided: int  # highest order of a jump at which a step starts with a new evaluation
     extra: bool
     x: Array  # (N+1, B) initial positions, row 0 the leader
     v: Array
@@ -119,11 +118,10 @@ class Plan:
             span=slots.span_array(),
         )
         jumps = _jumps(first, motions[0]) if first.scheme == "rk4" else None
-        two_sided = _two_sided(first)
-        mesh = build_mesh(first.end, first.dt or DEFAULT_DT, output_times(first), jumps, two_sided)
+        mesh = build_mesh(first.end, first.dt or DEFAULT_DT, output_times(first), jumps)
         delays = np.array(slots.delays, dtype=float)
         return cls(
-            scenarios, platoon, motions, delays, mesh, two_sided, slots.hears_late_acceleration, x, v,
+            scenarios, platoon, motions, delays, mesh, slots.hears_late_acceleration, x, v,
             np.array([s.cruise for s in scenarios]),
         )  # fmt: skip
 
@@ -132,15 +130,14 @@ def _no_seed(scenario: Scenario) -> bool:
     return scenario.leader.kind != "noise"
 
 
-def _two_sided(scenario: Scenario) -> int:
-    return TWO_SIDED + any(v.lag > 0 for v in scenario.followers)
-
-
 def _jumps(scenario: Scenario, motion: Motion) -> Jumps:
     """Breaking points of the whole platoon, those of the initial state included."""
     time, order = motion.jumps(scenario.end)
     moved = {n for n, _ in scenario.speed_offsets}
-    own = {n: Jumps.of(0.0, 1 if n in moved else 2) for n in range(1, len(scenario.followers) + 1)}
+    own = {
+        n: Jumps.of(0.0, own_order(vehicle, 1) if n in moved else 2)
+        for n, vehicle in enumerate(scenario.followers, start=1)
+    }
     found = propagate(scenario.followers, Jumps.of(time, order), own, scenario.end)
     return all_jumps(found)
 

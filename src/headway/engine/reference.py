@@ -13,6 +13,7 @@ always that of exact solutions.
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -83,7 +84,7 @@ def simulate_reference(scenario: Scenario, times: ArrayLike) -> Reference:
         for i, t in enumerate(out):
             if t < track.end - _SAME or track.end > end - _SAME:
                 motion[:, n, i] = track.at(t, "left" if t >= end - _SAME else "right")
-    return Reference(out, *motion, np.array(collisions))
+    return Reference(out, motion[0], motion[1], motion[2], np.array(collisions))
 
 
 class _Track:
@@ -121,13 +122,15 @@ class _Track:
 
 
 def _leader(motion: Motion, end: float) -> _Track:
-    """The leader's exact motion; each knot of it may be a jump of the speed."""
+    """The leader's exact motion; each knot of it is taken for a kink of some order."""
     track = _Track(0.0, motion.before, motion.before)
-    track.kinks = {float(t): 1 for t in motion.start if t < end}
+    for t in motion.start[motion.start < end]:
+        _, speed, acceleration = np.abs(np.subtract(motion.at(t), motion.at(t, "left")))
+        track.kinks[float(t)] = 1 if speed > 1e-12 else (2 if acceleration > 1e-12 else 3)
     knots = [*sorted({0.0, *track.kinks}), end]
-    for a, b in zip(knots[:-1], knots[1:], strict=True):
+    for a, b in itertools.pairwise(knots):
         cuts = np.linspace(a, b, math.ceil((b - a) / _LONGEST) + 1)
-        for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
+        for start, stop in itertools.pairwise(cuts):
             times = start + (stop - start) * _POINTS
             right, left = np.array(motion.at(times)), np.array(motion.at(times, "left"))
             track.add(float(start), float(stop), np.where(_POINTS < 0.5, right, left))
@@ -246,18 +249,23 @@ class _Follower:
             ("gap", lambda time, y: self.ahead.at(time, "left")[0] - self.length - y[0], -1.0),
             ("stop", lambda time, y: y[1], -1.0),
         ]
-        for limit in (self.low, self.high):
-            if math.isfinite(limit):
-                watched.append(("limit", lambda time, y, limit=limit: command(time, y) - limit, 0.0))
-        solution: Any = solve_ivp(
-            rate, (t, stop), y, method="DOP853", rtol=_TOLERANCE, atol=_TOLERANCE, first_step=stop - t,
-            dense_output=True, events=[_terminal(g, direction) for _, g, direction in watched] if watch else None,
-        )  # fmt: skip
-        assert solution.status >= 0, solution.message
-        event = None
+        if math.isfinite(self.low):
+            watched.append(("limit", lambda time, y: command(time, y) - self.low, 0.0))
+            watched.append(("limit", lambda time, y: command(time, y) - self.high, 0.0))
+        def solve(stop: float, events: list[Any]) -> Any:
+            solution: Any = solve_ivp(
+                rate, (t, stop), y, method="DOP853", rtol=_TOLERANCE, atol=_TOLERANCE, first_step=stop - t,
+                dense_output=True, events=events,
+            )  # fmt: skip
+            assert solution.status >= 0, solution.message
+            return solution
+
+        solution, event = solve(stop, [_terminal(g, direction) for _, g, direction in watched] if watch else []), None
+        reached = float(solution.t[-1])
         if solution.status == 1:
             event = next(name for (name, *_), hits in zip(watched, solution.t_events, strict=True) if hits.size)
-        reached = float(solution.t[-1])
+            # the step that found the event went beyond it, where the law may have a kink: make it anew up to there
+            solution = solve(reached, []) if reached > t else solution
         if reached > t:
             times = t + (reached - t) * _POINTS
             states = solution.sol(times)

@@ -89,6 +89,9 @@ class Dual:
     def __eq__(self, other: object) -> bool:
         return self.value == value(other)
 
+    def __bool__(self) -> bool:
+        return self.value != 0.0
+
     __hash__ = None  # type: ignore[assignment]  # equal values may differ in slope, so a dual is no key
 
     def __float__(self) -> float:

@@ -32,6 +32,8 @@ def gap_at(model: Model, speed: float) -> float:
         return _root(model, lambda s: model.at_rest(s, v), _GAPS, f"at {v:g} m/s", "gap")
     with np.errstate(all="ignore"):
         s = float(form(v, **model.parameters))
+    if math.isnan(s):  # not answered: CACC without a gain on the gap rests at every gap
+        return _root(model, lambda s: model.at_rest(s, v), _GAPS, f"at {v:g} m/s", "gap")
     if not math.isfinite(s):
         raise _no_equilibrium(model, v, low, high)
     return s
@@ -104,7 +106,7 @@ def _no_equilibrium(model: Model, v: float, low: float, high: float) -> HeadwayE
 
 
 def _root(model: Model, f: Any, grid: np.ndarray, where: str, what: str) -> float:
-    """The root of `f` on `grid`: the first sign change, polished by Brent's method."""
+    """The root of `f` on `grid`: the first sign change that is no jump or pole, polished by Brent's method."""
     from scipy.optimize import brentq
 
     with np.errstate(all="ignore"):
@@ -126,8 +128,11 @@ def _root(model: Model, f: Any, grid: np.ndarray, where: str, what: str) -> floa
             f"{model.name} has no equilibrium {what} {where}: its acceleration stays "
             f"{'positive' if values[finite][0] > 0 else 'negative'} from {grid[0]:g} to {grid[-1]:g}"
         )
-    i = int(change[0])
-    return float(brentq(f, grid[i], grid[i + 1], xtol=1e-13, rtol=1e-15))
+    for i in change:
+        root = float(brentq(f, grid[i], grid[i + 1], xtol=1e-13, rtol=1e-15))
+        if abs(float(f(root))) <= 1e-6 * (abs(values[i]) + abs(values[i + 1])):
+            return root
+    raise HeadwayError(f"{model.name} has no equilibrium {what} {where}: its acceleration jumps over 0")
 
 
 def _number(x: Any, place: str, unit: str) -> float:

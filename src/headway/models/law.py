@@ -1,6 +1,6 @@
 """What a car-following law is: a plain function, read from its signature.
 
-    @headway.models
+    @headway.model
     def soft(s, v, dv, *, k: Annotated[float, Param("1/s²", 0.01, 1.0)] = 0.2, T: ... = 1.2):
         return k * (s - 2.0 - T * v) + 0.6 * dv
 
@@ -11,8 +11,11 @@ parameters; their annotation is the one source of unit, bounds and description. 
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import math
+import pickle
+import sys
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -128,6 +131,18 @@ class Law:
         arguments = ", ".join(f"{p.name}={p.default:g}" for p in self.parameters.values())
         return f"<law {self.name}({', '.join(self.signals)}; {arguments})>"
 
+    def __copy__(self) -> Law:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Law:
+        return self  # equal models share their law
+
+    def __reduce__(self) -> tuple[Callable[[str, str], Law], tuple[str, str]]:
+        place = self.function.__module__, self.function.__qualname__
+        if getattr(sys.modules.get(place[0]), place[1], None) is not self:
+            raise pickle.PicklingError(f"law {self.name} cannot be sent elsewhere: it is not a name of its module")
+        return _named, place
+
     def closed_form(self, what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         """Decorator: attach a closed form to the law.
 
@@ -141,6 +156,12 @@ class Law:
             return function
 
         return attach
+
+
+def _named(module: str, name: str) -> Law:
+    """The law of this name in a module, as another process finds it."""
+    law: Law = getattr(importlib.import_module(module), name)
+    return law
 
 
 @dataclass(frozen=True)

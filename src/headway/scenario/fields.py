@@ -14,7 +14,7 @@ from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from headway.errors import HeadwayError, shorten, unknown_name
 
-__all__ = ["Finite", "NonNegative", "Numbers", "Positive", "build", "field_names", "spec", "unit"]
+__all__ = ["Finite", "Negative", "NonNegative", "Numbers", "Positive", "build", "field_names", "spec", "unit"]
 
 T = TypeVar("T")
 
@@ -32,9 +32,11 @@ def _numbers(value: Any) -> Any:
     return tuple(float(_number(v)) for v in value) if isinstance(value, np.ndarray | list | tuple) else value
 
 
-Finite = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
-Positive = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False, gt=0)]
-NonNegative = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False, ge=0)]
+# the bounds stand before the validator, so that the JSON schema tells them
+Finite = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_number)]
+Positive = Annotated[float, Field(allow_inf_nan=False, gt=0), BeforeValidator(_number)]
+Negative = Annotated[float, Field(allow_inf_nan=False, lt=0), BeforeValidator(_number)]
+NonNegative = Annotated[float, Field(allow_inf_nan=False, ge=0), BeforeValidator(_number)]
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_numbers)]
 
 

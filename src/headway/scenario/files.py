@@ -146,7 +146,8 @@ def _vehicle(vehicle: Vehicle, complete: bool) -> dict[str, Any]:
     if complete and BUILT_IN.get(model.name) is not model.law:
         from headway.models.fingerprint import fingerprint
 
-        table["code"] = fingerprint(model.law.function)
+        forms = {what: fingerprint(form) for what, form in model.law.forms.items()}
+        table["code"] = {"law": fingerprint(model.law.function), **forms}
     return table
 
 
@@ -223,6 +224,12 @@ def schema() -> dict[str, Any]:
     for kind, cls in KINDS.items():
         part = TypeAdapter(cls).json_schema()
         part["properties"] = {"kind": {"const": kind}, **part.get("properties", {})}
+        for key in ("columns", "units"):
+            if key in part["properties"]:
+                text = part["properties"][key].get("description", "")
+                part["properties"][key] = {
+                    "description": text, "type": "object", "additionalProperties": {"type": "string"},
+                }  # fmt: skip
         part["required"] = ["kind", *part.get("required", [])]
         part["description"] = (cls.__doc__ or "").strip().splitlines()[0]
         leaders.append(part)

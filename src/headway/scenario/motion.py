@@ -187,7 +187,18 @@ def _sine_integral(omega: Array, phase: Array, beta: Array, u: Array) -> Array:
         angle = phase - omega**2 / (2.0 * beta)
         (s1, c1), (s0, c0) = fresnel(scale * (u + omega / beta)), fresnel(scale * omega / beta)
         swept = (np.sign(beta) * (s1 - s0) * np.cos(angle) + (c1 - c0) * np.sin(angle)) / scale
-    return np.where(beta == 0.0, plain, swept)
+        # a slow sweep has a huge `angle`, whose rounding would be felt: there integration by parts converges at once
+        rate = omega + beta * u
+        slow = (np.minimum(omega**2, rate**2) > 1e4 * np.abs(beta)) & (omega * rate > 0)
+        by_parts = _by_parts(phase + u * (omega + 0.5 * beta * u), rate, beta) - _by_parts(phase, omega, beta)
+    return np.where(beta == 0.0, plain, np.where(slow, by_parts, swept))
+
+
+def _by_parts(angle: Array, rate: Array, beta: Array) -> Array:
+    """Antiderivative of sin(angle) where the rate of the angle grows by β: four integrations by parts, β ≪ rate²."""
+    q = beta / rate**2
+    even, odd = 1.0 - q * q * (3.0 - 105.0 * q * q), q * (1.0 - 15.0 * q * q)
+    return -(np.cos(angle) * even + np.sin(angle) * odd) / rate
 
 
 def polyline(before: float, time: ArrayLike, speed: ArrayLike) -> Motion:

@@ -107,8 +107,8 @@ class Scenario:
             raise HeadwayError(
                 f"scenario.output_step = {self.output_step:g} s is longer than the duration, {self.end:g} s"
             )
-        if self.seed < 0:
-            raise HeadwayError(f"scenario.seed = {self.seed} is negative; allowed are whole numbers from 0")
+        if not 0 <= self.seed < 2**63:  # the largest that TOML and NetCDF can hold
+            raise HeadwayError(f"scenario.seed = {self.seed} is not allowed; it is a whole number from 0 to 2^63 - 1")
         if isinstance(self.gaps, tuple) and len(self.gaps) != count:
             raise HeadwayError(f"scenario.gaps has {len(self.gaps)} values for {count} followers")
         for field, offsets, first in (("gap_offsets", self.gap_offsets, 1), ("speed_offsets", self.speed_offsets, 1)):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from headway.errors import HeadwayError
 from headway.models import Law, Model
 from headway.scenario.channel import Channel, Delay, normalize_delay
-from headway.scenario.fields import Finite, NonNegative, spec, unit
+from headway.scenario.fields import Negative, NonNegative, Positive, spec, unit
 
 __all__ = ["Vehicle"]
 
@@ -19,7 +19,7 @@ def _model(value: Any) -> Any:
         return value()
     if not isinstance(value, Model):
         raise HeadwayError(
-            f"vehicle.model = {value!r} is not a model; take one from headway.models or make a law with @headway.models"
+            f"vehicle.model = {value!r} is not a model; take one from headway.models or make a law with @headway.model"
         )
     return value
 
@@ -44,7 +44,7 @@ class Vehicle:
     lag: Annotated[NonNegative, unit("s", "time constant of the actuator")] = 0.0
     length: Annotated[NonNegative, unit("m", "length of the vehicle")] = 5.0
     limits: Annotated[
-        tuple[Annotated[Finite, Field(lt=0)], Annotated[Finite, Field(gt=0)]] | None,
+        tuple[Negative, Positive] | None,
         unit("m/s²", "least and largest acceleration that can be commanded"),
     ] = None
 

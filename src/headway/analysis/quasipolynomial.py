@@ -1,0 +1,83 @@
+"""Quasi-polynomials Σ c_k p^n_k e^{-p τ_k}: numerators and denominators of transfer functions with delays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["QuasiPolynomial"]
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiPolynomial:
+    """Terms `coefficient * p**power * exp(-p * delay)`; all arrays (terms,)."""
+
+    coefficient: NDArray[np.float64]
+    power: NDArray[np.int64]
+    delay: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, *terms: tuple[float, int, float]) -> QuasiPolynomial:
+        """From terms (coefficient, power, delay); those that vanish are left out, equal ones are added."""
+        summed: dict[tuple[int, float], float] = {}
+        for c, n, tau in terms:
+            summed[n, tau] = summed.get((n, tau), 0.0) + c
+        kept = [(c, n, tau) for (n, tau), c in sorted(summed.items()) if c != 0.0]
+        columns = list(zip(*kept, strict=True)) if kept else [(), (), ()]
+        return cls(np.array(columns[0], float), np.array(columns[1], np.int64), np.array(columns[2], float))
+
+    def __call__(self, p: Any) -> Any:
+        """Value at complex `p` of any shape."""
+        z = np.asarray(p, dtype=complex)[..., None]
+        return np.sum(self.coefficient * z**self.power * np.exp(-z * self.delay), axis=-1)
+
+    def derivative(self, p: Any) -> Any:
+        """Derivative with respect to p."""
+        z = np.asarray(p, dtype=complex)[..., None]
+        slope = self.power * z ** np.maximum(self.power - 1, 0) - self.delay * z**self.power
+        return np.sum(self.coefficient * slope * np.exp(-z * self.delay), axis=-1)
+
+    def magnitude(self, omega: Any) -> Any:
+        """Bound Σ |c_k| ω^n_k of the magnitude on the imaginary axis."""
+        w = np.asarray(omega, dtype=float)[..., None]
+        return np.sum(np.abs(self.coefficient) * w**self.power, axis=-1)
+
+    def curvature(self, omega: Any) -> Any:
+        """Bound of the magnitude of the second derivative by ω on the imaginary axis, growing with ω."""
+        w, n, tau = np.asarray(omega, dtype=float)[..., None], self.power, self.delay
+        terms = n * (n - 1) * w ** np.maximum(n - 2, 0) + 2 * n * tau * w ** np.maximum(n - 1, 0) + tau**2 * w**n
+        return np.sum(np.abs(self.coefficient) * terms, axis=-1)
+
+    @property
+    def lowest(self) -> int:
+        """Lowest power of p."""
+        return int(self.power.min()) if self.power.size else 0
+
+    @property
+    def degree(self) -> int:
+        """Highest power of p."""
+        return int(self.power.max()) if self.power.size else 0
+
+    def over(self, power: int) -> QuasiPolynomial:
+        """The quotient by p**power (no term may have a lower power)."""
+        return QuasiPolynomial(self.coefficient, self.power - power, self.delay)
+
+    def slowed(self, factor: float) -> QuasiPolynomial:
+        """All delays times `factor`."""
+        return QuasiPolynomial.of(*zip(self.coefficient, self.power, self.delay * factor, strict=True))
+
+    def polynomial(self, delay: float) -> NDArray[np.float64]:
+        """Coefficients, highest power first, of the terms with this delay."""
+        result = np.zeros(self.degree + 1)
+        for c, n, tau in zip(self.coefficient, self.power, self.delay, strict=True):
+            if tau == delay:
+                result[self.degree - n] += c
+        return result
+
+    @property
+    def delays(self) -> tuple[float, ...]:
+        """The different delays greater than 0, rising."""
+        return tuple(sorted({float(t) for t in self.delay if t > 0.0}))

@@ -1,0 +1,133 @@
+"""Rightmost characteristic roots of equations with delays.
+
+The infinitesimal generator of the delay equation is collocated at Chebyshev nodes of the longest
+delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 482, 2005); its rightmost eigenvalues are
+starts for Newton's method on the exact characteristic function. The number of nodes is doubled
+until the rightmost root stands. Without delays the roots are those of a polynomial.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from headway.analysis.quasipolynomial import QuasiPolynomial
+
+__all__ = ["Roots", "rightmost"]
+
+_NODES = (12, 24, 48, 96, 192)
+_SETTLED = 1e-9
+
+
+class Roots(NamedTuple):
+    """Roots (rightmost first, each of a conjugate pair), |characteristic function| there relative to its terms, nodes."""
+
+    roots: NDArray[np.complex128]
+    residual: float
+    nodes: int
+
+
+def rightmost(characteristic: QuasiPolynomial, count: int = 6) -> Roots:
+    """The rightmost roots of a retarded characteristic function (highest power undelayed, or delayed and smaller)."""
+    if not characteristic.delays:
+        roots = np.roots(characteristic.polynomial(0.0))
+        return Roots(_sorted(roots)[:count], _residual(characteristic, roots), 0)
+    previous = np.nan
+    found = np.empty(0, complex)
+    nodes = 0
+    for nodes in _NODES:
+        found = _newton(characteristic, _collocated(characteristic, nodes), count)
+        if found.size and abs(found[0] - previous) < _SETTLED * (1.0 + abs(found[0])):
+            break
+        previous = found[0] if found.size else np.nan
+    return Roots(found, _residual(characteristic, found), nodes)
+
+
+def _collocated(characteristic: QuasiPolynomial, nodes: int) -> NDArray[np.complex128]:
+    """Eigenvalues of the collocated generator for y(θ), …, y^(n-1)(θ), θ in [-τ_max, 0]."""
+    n, longest = characteristic.degree, max(characteristic.delays)
+    theta = 0.5 * longest * (np.cos(np.pi * np.arange(nodes + 1) / nodes) - 1.0)
+    difference = _differentiation(theta)
+    size = nodes + 1
+    matrix = np.kron(np.eye(n), difference)
+    leading = sum(
+        c for c, k, t in zip(characteristic.coefficient, characteristic.power, characteristic.delay, strict=True)
+        if k == n and t == 0.0
+    )  # fmt: skip
+    for block in range(n):
+        # at θ = 0 the derivative of each component is the next one, that of the last the equation itself
+        matrix[block * size] = 0.0
+        if block < n - 1:
+            matrix[block * size, (block + 1) * size] = 1.0
+    last = (n - 1) * size
+    for c, k, tau in zip(characteristic.coefficient, characteristic.power, characteristic.delay, strict=True):
+        if k == n and tau == 0.0:
+            continue
+        row = _interpolation(theta, -tau)
+        if k == n:  # a delayed highest derivative: the derivative of the last component back then
+            matrix[last, last : last + size] -= c / leading * (row @ difference)
+        else:
+            matrix[last, k * size : (k + 1) * size] -= c / leading * row
+    return np.linalg.eigvals(matrix).astype(complex)
+
+
+def _differentiation(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Differentiation matrix on Chebyshev points `x` (Trefethen, Spectral Methods in MATLAB, ch. 6)."""
+    n = x.size - 1
+    c = np.ones(n + 1)
+    c[0] = c[-1] = 2.0
+    c *= (-1.0) ** np.arange(n + 1)
+    dx = x[:, None] - x[None, :]
+    matrix = np.outer(c, 1.0 / c) / (dx + np.eye(n + 1))
+    return matrix - np.diag(matrix.sum(axis=1))
+
+
+def _interpolation(x: NDArray[np.float64], at: float) -> NDArray[np.float64]:
+    """Barycentric weights that read the interpolant on Chebyshev points `x` at one place."""
+    exact = np.flatnonzero(np.abs(x - at) < 1e-14 * max(1.0, abs(at)))
+    row = np.zeros(x.size)
+    if exact.size:
+        row[exact[0]] = 1.0
+        return row
+    weight = (-1.0) ** np.arange(x.size)
+    weight[0] *= 0.5
+    weight[-1] *= 0.5
+    row = weight / (at - x)
+    return row / row.sum()
+
+
+def _newton(f: QuasiPolynomial, starts: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
+    """Polish the rightmost starts on the exact function; keep different roots."""
+    z = starts[np.argsort(-starts.real)][: 4 * count].copy()
+    first = z.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(40):
+            step = f(z) / f.derivative(z)
+            z = z - step
+            if np.nanmax(np.abs(step), initial=0.0) < 1e-14 * (1.0 + np.nanmax(np.abs(z), initial=0.0)):
+                break
+        # Newton may run away from a start that is no eigenvalue of the equation itself
+        good = np.isfinite(z) & (np.abs(z - first) < 0.5 * (1.0 + np.abs(first))) & (_relative(f, z) < 1e-8)
+    different: list[complex] = []
+    for root in z[good][np.argsort(-z[good].real)]:
+        if all(abs(root - other) > 1e-7 * (1.0 + abs(root)) for other in different):
+            different.append(complex(root))
+    return _sorted(np.array(different, dtype=complex))[:count]
+
+
+def _relative(f: QuasiPolynomial, z: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """|f| relative to the magnitudes of its terms."""
+    terms = np.abs(f.coefficient * z[..., None] ** f.power * np.exp(-z[..., None] * f.delay))
+    return np.abs(f(z)) / np.maximum(terms.sum(axis=-1), 1e-300)
+
+
+def _residual(f: QuasiPolynomial, roots: NDArray[np.complex128]) -> float:
+    return float(np.max(_relative(f, np.asarray(roots, dtype=complex)), initial=0.0))
+
+
+def _sorted(roots: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Rightmost first; of a conjugate pair the one with the positive imaginary part first."""
+    roots = np.asarray(roots, dtype=complex)
+    return roots[np.lexsort((-roots.imag, -np.round(roots.real, 12)))]

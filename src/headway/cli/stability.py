@@ -1,0 +1,207 @@
+"""`headway stability`."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from headway.cli import show
+from headway.errors import HeadwayError
+
+if TYPE_CHECKING:
+    from headway.analysis.linear import Linear
+    from headway.analysis.stability import Chain
+
+__all__ = ["stability"]
+
+
+def stability(
+    subject: Annotated[
+        str, Parameter(help="A model, or a scenario file or ready scenario (then every vehicle and the whole string).")
+    ],
+    *,
+    speed: Annotated[float | None, Parameter(help="Speed of the platoon [m/s]; a scenario brings its own.")] = None,
+    gap: Annotated[float | None, Parameter(help="Gap [m], where every gap is an equilibrium (GMM).")] = None,
+    set_: Annotated[
+        list[str] | None,
+        Parameter(name="--set", help="A parameter, e.g. T=1.2, or a field of the scenario; may be repeated."),
+    ] = None,
+    delay: Annotated[str, Parameter(help="Seconds for all on-board signals, or e.g. s=0.5,dv=0.5.")] = "0",
+    lag: Annotated[float, Parameter(help="Time constant of the actuator [s].")] = 0.0,
+    model: Annotated[
+        list[str] | None, Parameter(help="Allow a law from a file, e.g. my.py:soft; runs the file.")
+    ] = None,
+    json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
+) -> None:
+    """Exact local and string stability, with delays: verdicts, peak gain, critical delays."""
+    from headway.models.own import load_laws
+
+    laws = [law for reference in model or [] for law in load_laws(reference)]
+    if subject.endswith(".toml") or subject.partition(":")[0] in ("paper", "example"):
+        _scenario(subject, set_ or [], model or [], speed, gap, json)
+        return
+    from headway.analysis.linear import linearize
+    from headway.cli.data import numbers
+    from headway.models.registry import find
+    from headway.scenario.vehicle import Vehicle
+
+    if speed is None:
+        raise HeadwayError(f"stability of {subject} needs --speed, the speed of the platoon in m/s")
+    car = Vehicle(find(subject, laws)(**numbers(set_)), delay=_delay(delay), lag=lag)
+    linear = linearize(car, speed, gap)
+    report = describe(linear)
+    if json:
+        show.print_json(report)
+    else:
+        print(verdict(linear, report["critical_delay"]))
+        _print(report)
+
+
+def _scenario(
+    name: str, assignments: list[str], references: list[str], speed: float | None, gap: float | None, json: bool
+) -> None:
+    from headway.analysis.linear import head_to_tail
+    from headway.cli.run import read_scenario
+
+    scenario = read_scenario(name, assignments, references)
+    v = scenario.cruise if speed is None else speed
+    if gap is None and isinstance(scenario.gaps, float):
+        # a common gap is needed only by laws that have no equilibrium gap of their own
+        gap = scenario.gaps if any(not f.model.law.forms.get("equilibrium_gap") for f in scenario.followers) else None
+    chain = head_to_tail(scenario.followers, v, gap)
+    different = list(dict.fromkeys(chain.vehicles))
+    reports = [describe(linear) for linear in different]
+    numbers = [chain.vehicles.index(linear) + 1 for linear in different]
+    if json:
+        show.print_json(
+            {"speed": v, "vehicles": dict(zip(numbers, reports, strict=True)), "head_to_tail": _chain(chain)}
+        )
+        return
+    for n, linear, report in zip(numbers, different, reports, strict=True):
+        same = sum(other == linear for other in chain.vehicles)
+        print(
+            f"vehicle {n}{f' and {same - 1} like it' if same > 1 else ''}, {report['model']}: {verdict(linear, report['critical_delay'])}"
+        )
+    peak, worst = chain.peak, chain.worst
+    count = len(chain.vehicles)
+    if not chain.locally_stable:
+        print(f"head to tail over {count} vehicles: unbounded, a vehicle is locally unstable")
+    elif chain.head_to_tail_stable:
+        print(f"head to tail over {count} vehicles: stable, no frequency is larger at the tail than at the head")
+    else:
+        print(
+            f"head to tail over {count} vehicles: a {peak.frequency:.3g} rad/s disturbance grows {peak.gain:.3g} times"
+        )
+    if chain.locally_stable and worst.gain > peak.gain * (1 + 1e-6):
+        print(f"  worst in between: {worst.gain:.3g} times at {worst.frequency:.3g} rad/s")
+
+
+def _chain(chain: Chain) -> dict[str, Any]:
+    peak, worst = chain.peak, chain.worst
+    return {
+        "vehicles": len(chain.vehicles),
+        "locally_stable": chain.locally_stable,
+        "strictly_string_stable": chain.strictly_string_stable,
+        "stable": chain.head_to_tail_stable,
+        "peak_gain": peak.gain,
+        "peak_frequency": peak.frequency,
+        "worst_gain": worst.gain,
+        "worst_frequency": worst.frequency,
+    }
+
+
+def describe(linear: Linear) -> dict[str, Any]:
+    """Everything about one vehicle, by name."""
+    root = linear.rightmost_root
+    delay = linear.vehicle.delay
+    return {
+        "model": linear.vehicle.model.name,
+        "parameters": linear.vehicle.model.parameters,
+        "delay": delay if isinstance(delay, float) else dict(delay),
+        "lag": linear.vehicle.lag,
+        "speed": linear.speed,
+        "gap": linear.gap,
+        "partials": linear.partials,
+        "natural_frequency": linear.natural_frequency,
+        "damping_ratio": linear.damping_ratio,
+        "damping_class": linear.damping_class,
+        "locally_stable": linear.locally_stable,
+        "rightmost_root": {"real": root.real, "imag": abs(root.imag)},
+        "string_stable": linear.string_stable,
+        "peak_gain": linear.peak_gain,
+        "peak_frequency": linear.peak_frequency,
+        "long_wave": linear.long_wave,
+        "critical_delay": {kind: linear.critical_delay(kind) for kind in ("local", "string")},
+    }
+
+
+def verdict(linear: Linear, critical: dict[str, float]) -> str:
+    """The answer in words."""
+    late = _pattern(linear)
+    if not linear.locally_stable:
+        words = f"locally unstable: a disturbance of one vehicle grows at {-linear.decay_rate:.3g} 1/s"
+        limit = critical["local"]
+        return words + (f"; locally stable for {late} below {limit:.3g} s" if limit > 0 else " without any delay")
+    limit = critical["string"]
+    if linear.string_stable:
+        end = "whatever the delay" if math.isinf(limit) else f"for {late} up to {limit:.3g} s"
+        return f"string stable: no disturbance grows from vehicle to vehicle; so it is {end}"
+    words = (
+        f"string unstable: a {linear.peak_frequency:.2g} rad/s disturbance grows {_times(linear.peak_gain)} times per vehicle"
+        if math.isfinite(linear.peak_frequency)
+        else f"string unstable: short waves grow {linear.peak_gain:.3g} times per vehicle"
+    )
+    return words + (f"; stable for {late} up to {limit:.3g} s" if limit > 0 else "; not even stable without delay")
+
+
+def _pattern(linear: Linear) -> str:
+    """Which delays are meant."""
+    delay = linear.vehicle.delay
+    if isinstance(delay, float) or not any(t > 0 for _, t in delay):
+        return "delays of all on-board signals"
+    return f"delays of {' and '.join(n for n, t in delay if t > 0)}"
+
+
+def _print(report: dict[str, Any]) -> None:
+    root, critical = report["rightmost_root"], report["critical_delay"]
+    lines = {
+        "equilibrium gap": f"{report['gap']:.6g} m at {report['speed']:g} m/s",
+        "partials": ", ".join(f"f_{n} = {x:.6g}" for n, x in report["partials"].items()),
+        "natural frequency": f"{report['natural_frequency']:.6g} rad/s",
+        "damping ratio": f"{show.number(report['damping_ratio'], 6)} ({report['damping_class']}, without delay)",
+        "rightmost root": f"{root['real']:.6g} ± {root['imag']:.6g} i 1/s",
+        "peak gain": f"{report['peak_gain']:.6g} at {report['peak_frequency']:.4g} rad/s",
+        "long waves": f"C = {report['long_wave']:.6g} 1/s²",
+        "critical delay": f"local {_seconds(critical['local'])}, string {_seconds(critical['string'])}",
+    }
+    for name, text in lines.items():
+        print(f"  {name:<18} {text}")
+
+
+def _seconds(value: float) -> str:
+    return "none" if math.isinf(value) else f"{value:.6g} s"
+
+
+def _delay(text: str) -> float | dict[str, float]:
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    pairs = {}
+    for part in text.split(","):
+        name, equals, value = part.partition("=")
+        try:
+            pairs[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise HeadwayError(f"--delay {text}: write seconds, or signal=seconds pairs such as s=0.5,dv=0.5")
+    return pairs
+
+
+def _times(gain: float) -> str:
+    """A gain with as many digits as it takes to tell it from 1."""
+    digits = 3 if gain >= 1.01 else 2 + math.ceil(-math.log10(max(gain - 1.0, 1e-12)))
+    return f"{gain:.{digits}g}"
