@@ -31,7 +31,10 @@ def main(folder: Path) -> None:
             hw.save(result, folder / f"{name}-{m}.nc")
         hw.plot.save(hw.plot.comparison(results), folder / f"{name}.png")
         print(f"\n{what}")
-        print(f"  {'model':<6}{'peak error of the first pair':>30}{'of the last':>14}{'speed amplitude, last : leader':>32}")
+        print(
+            f"  {'model':<6}{'peak error of the first pair':>30}{'of the last':>14}"
+            f"{'speed amplitude, last : leader':>32}"
+        )
         for m, result in results.items():
             table = hw.metrics.summary(result)
             peaks = table.peak_spacing_error.values

@@ -20,7 +20,8 @@ MILE = 1609.344
 @pytest.mark.parametrize(("name", "total", "top"), [("wltc3b", 83758.6, 131.3), ("wltc3a", 83496.9, 131.3)])
 def test_wltc_sums(name, total, top):
     cycle = load_cycle(name)
-    assert cycle.time[-1] == 1800 and cycle.speed.size == 1801
+    assert cycle.time[-1] == 1800
+    assert cycle.speed.size == 1801
     assert (cycle.speed * 3.6).sum() == pytest.approx(total, abs=1e-8)
     assert (cycle.speed * 3.6).max() == pytest.approx(top)
 
@@ -44,10 +45,13 @@ def test_us06_ends_within_596_seconds_and_is_padded():
 @pytest.mark.parametrize("name", CYCLES)
 def test_tables_are_regular_and_read_only(name):
     cycle = load_cycle(name)
-    assert cycle.name == name and cycle.title and "fastsim" in cycle.source
+    assert cycle.name == name
+    assert cycle.title
+    assert "fastsim" in cycle.source
     assert cycle.time.dtype == cycle.speed.dtype == np.float64
     np.testing.assert_array_equal(cycle.time, np.arange(cycle.time.size))
-    assert (cycle.speed >= 0).all() and cycle.speed[0] == cycle.speed[-1] == 0
+    assert (cycle.speed >= 0).all()
+    assert cycle.speed[0] == cycle.speed[-1] == 0
     assert np.abs(np.diff(cycle.speed)).max() < 4.0
     with pytest.raises(ValueError):
         cycle.speed[0] = 1.0

@@ -58,8 +58,13 @@ def test_every_entry_is_complete():
     entries = catalogue()
     assert {"openacc-zalazone-short-part4", "openacc-zalazone-long-part19", ASTAZERO, *CYCLES} == set(entries)
     for name, entry in entries.items():
-        assert name == entry.name and entry.bytes > 0 and len(entry.sha256) == 64
-        assert entry.title and entry.provenance and entry.licence and entry.attribution
+        assert name == entry.name
+        assert entry.bytes > 0
+        assert len(entry.sha256) == 64
+        assert entry.title
+        assert entry.provenance
+        assert entry.licence
+        assert entry.attribution
         assert entry.format in data.FORMATS
         assert entry.address.startswith("https://") == (entry.kind == "download")
     assert entries[ASTAZERO].address.endswith("/AV%20model%20funtion/MPL%20Modeling%20methodology/data_example.csv")
@@ -71,7 +76,8 @@ def test_shipped_files_are_what_the_catalogue_says(name, tmp_path):
     copy = fetch(name, directory=tmp_path / "new")
     assert [p.name for p in copy.parent.iterdir()] == [entry.file]
     content = copy.read_bytes()
-    assert content == fetch(name).read_bytes() and len(content) == entry.bytes
+    assert content == fetch(name).read_bytes()
+    assert len(content) == entry.bytes
     assert hashlib.sha256(content).hexdigest() == entry.sha256
     recording = read(copy)
     assert (recording.vehicles, recording.duration) == (entry.vehicles, entry.seconds)
@@ -81,9 +87,11 @@ def test_shipped_files_are_what_the_catalogue_says(name, tmp_path):
 def test_download_from_a_mirror(name, raw, serve, tmp_path):
     entry = catalogue()[name]
     path = fetch(name, base_url=serve(raw), directory=tmp_path)
-    assert path == tmp_path / entry.file and path.stat().st_size == entry.bytes
+    assert path == tmp_path / entry.file
+    assert path.stat().st_size == entry.bytes
     recording = read(path)
-    assert recording.vehicles == entry.vehicles and recording.duration == pytest.approx(entry.seconds)
+    assert recording.vehicles == entry.vehicles
+    assert recording.duration == pytest.approx(entry.seconds)
     # A second time needs no server: the file is there and its hash is right.
     assert fetch(name, base_url="http://127.0.0.1:9", directory=tmp_path) == path
 

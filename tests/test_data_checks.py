@@ -29,7 +29,8 @@ def kinds(recording: Recording, severity: str | None = None) -> list[tuple[str, 
 def test_a_sound_recording_has_only_its_figures():
     (finding,) = check(platoon())
     assert (finding.kind, finding.vehicle, finding.severity) == ("gap-speed", 1, "info")
-    assert "m/s r.m.s." in finding.message and finding.message.endswith(".")
+    assert "m/s r.m.s." in finding.message
+    assert finding.message.endswith(".")
 
 
 def test_time_that_goes_back_or_repeats():
@@ -43,7 +44,8 @@ def test_uneven_step():
     time = np.arange(0.0, 60.0, 0.1)
     time[100:] += 3.0
     (finding,) = [f for f in check(platoon(time=time)) if f.kind == "time-step"]
-    assert finding.time == pytest.approx(9.9) and "0.1 to 3.1 s" in finding.message
+    assert finding.time == pytest.approx(9.9)
+    assert "0.1 to 3.1 s" in finding.message
     assert ("time-step", None) not in kinds(platoon(time=np.round(np.arange(600) / 30, 4)))
 
 
@@ -52,7 +54,8 @@ def test_holes_are_counted_and_placed():
     gap = recording.gap.copy()
     gap[1, [5, 6, 50]] = np.nan
     (finding,) = [f for f in check(platoon(gap=gap)) if f.kind == "missing"]
-    assert "3 of 600 gaps missing: 0.5 to 0.6 s, 5 to 5 s" in finding.message and finding.severity == "warning"
+    assert "3 of 600 gaps missing: 0.5 to 0.6 s, 5 to 5 s" in finding.message
+    assert finding.severity == "warning"
 
 
 def test_a_vehicle_without_any_gap_is_an_error():
@@ -64,11 +67,9 @@ def test_gaps_and_speeds_of_the_wrong_sign():
     gap, speed = recording.gap.copy(), recording.speed.copy()
     gap[1, 30], speed[0, 40] = -0.5, -1.0
     found = {f.kind: f for f in check(platoon(gap=gap, speed=speed))}
-    assert (
-        found["gap"].severity == "error"
-        and found["gap"].time == pytest.approx(3.0)
-        and "-0.5 m" in found["gap"].message
-    )
+    assert found["gap"].severity == "error"
+    assert found["gap"].time == pytest.approx(3.0)
+    assert "-0.5 m" in found["gap"].message
     assert found["speed"].time == pytest.approx(4.0)
 
 
@@ -78,7 +79,8 @@ def test_drift_of_the_speeds_is_measured_not_mended():
     speed[1] += 0.1  # a biased speed sensor: 6 m in 60 s
     biased = platoon(speed=speed, gap=recording.gap)
     (finding,) = [f for f in check(biased) if f.kind == "gap-speed"]
-    assert finding.severity == "warning" and "drifts to 5.99 m" in finding.message
+    assert finding.severity == "warning"
+    assert "drifts to 5.99 m" in finding.message
     np.testing.assert_array_equal(biased.gap, recording.gap)
     assert ("position-speed", 1) in kinds(biased, "warning")
 
@@ -87,7 +89,8 @@ def test_drift_of_the_speeds_is_measured_not_mended():
 def test_confused_units_show_in_the_rates(scale, says):
     recording = platoon()
     (finding,) = [f for f in check(platoon(speed=recording.speed * scale)) if f.kind == "units"]
-    assert says in finding.message and finding.severity == "error"
+    assert says in finding.message
+    assert finding.severity == "error"
 
 
 def test_position_that_disagrees_with_speed():
@@ -102,7 +105,8 @@ def test_standstill_and_no_motion():
     speed[1] = 0.0
     found = {f.vehicle: f for f in check(platoon(speed=speed)) if f.kind == "motion"}
     assert "stands still (below 0.1 m/s) for 9.9 s, first at 10 s" in found[0].message
-    assert "never moves" in found[1].message and found[1].severity == "warning"
+    assert "never moves" in found[1].message
+    assert found[1].severity == "warning"
 
 
 def test_a_single_vehicle():

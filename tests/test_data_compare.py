@@ -45,12 +45,14 @@ def test_constant_errors_at_other_times():
 def test_recording_against_itself_is_exact():
     recording = recorded()
     result = compare(recording.to_dataset(), recording)
-    assert float(abs(result.rms_gap_error).max()) == 0.0 and float(result.nrmse_speed.max()) == 0.0
+    assert float(abs(result.rms_gap_error).max()) == 0.0
+    assert float(result.nrmse_speed.max()) == 0.0
 
 
 def test_common_span_only():
     result = compare(simulated(np.linspace(3.0, 6.0, 7)), recorded())
-    assert result.samples[0] == 7 and (result.attrs["start"], result.attrs["end"]) == (3.0, 6.0)
+    assert result.samples[0] == 7
+    assert (result.attrs["start"], result.attrs["end"]) == (3.0, 6.0)
 
 
 def test_missing_recorded_samples_are_left_out_and_counted():
@@ -62,15 +64,18 @@ def test_missing_recorded_samples_are_left_out_and_counted():
     result = compare(
         simulated(np.linspace(0, 10, 50), gap=1.0), Recording.from_gaps(recording.time, speed, gap, source="mine.csv")
     )
-    assert result.missing_gaps.values.tolist() == [5, 0] and result.missing_speeds.values.tolist() == [0, 20]
-    assert result.rms_gap_error[0] == pytest.approx(1.0) and np.isnan(result.rms_speed_error[1])
+    assert result.missing_gaps.values.tolist() == [5, 0]
+    assert result.missing_speeds.values.tolist() == [0, 20]
+    assert result.rms_gap_error[0] == pytest.approx(1.0)
+    assert np.isnan(result.rms_speed_error[1])
 
 
 def test_a_collision_in_the_simulation_is_not_flattered():
     run = simulated(np.linspace(0, 10, 50))
     run["gap"][2, 30:] = np.nan
     result = compare(run, recorded())
-    assert np.isfinite(result.rms_gap_error[0]) and np.isnan(result.rms_gap_error[1])
+    assert np.isfinite(result.rms_gap_error[0])
+    assert np.isnan(result.rms_gap_error[1])
 
 
 @pytest.mark.parametrize(

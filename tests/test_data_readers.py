@@ -62,7 +62,8 @@ def ngsim_table(frames: range = range(100, 110), *, change_at: int | None = None
 
 def test_tidy_positions_are_rebuilt_from_gaps(put):
     recording = read(put(TIDY), length=4.0)
-    assert recording.vehicles == 2 and recording.lengths == (4.0, 4.0)
+    assert recording.vehicles == 2
+    assert recording.lengths == (4.0, 4.0)
     np.testing.assert_allclose(recording.position[0], [0.0, 1.0, 2.05])
     np.testing.assert_allclose(recording.position[1], recording.position[0] - 4.0 - recording.gap[1])
     assert np.isnan(recording.gap[0]).all()
@@ -71,7 +72,7 @@ def test_tidy_positions_are_rebuilt_from_gaps(put):
 
 def test_arrays_are_read_only_and_the_caller_keeps_his(put):
     recording = read(put(TIDY))
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match="read-only"):
         recording.speed[0, 0] = 1.0
     with pytest.raises(dataclasses.FrozenInstanceError):
         recording.source = "x"
@@ -104,14 +105,17 @@ def test_rows_may_be_interleaved_and_ids_are_ascending(put):
 def test_missing_stays_nan_and_nothing_behind_it_has_a_position(put):
     text = "time_s,vehicle,speed_mps,gap_m\n0,0,9,\n1,0,9,\n0,1,9,5\n1,1,9,\n0,2,,6\n1,2,9,6\n"
     recording = read(put(text))
-    assert np.isnan(recording.gap[1, 1]) and np.isnan(recording.speed[2, 0])
-    assert np.isnan(recording.position[1:, 1]).all() and np.isfinite(recording.position[:, 0]).all()
+    assert np.isnan(recording.gap[1, 1])
+    assert np.isnan(recording.speed[2, 0])
+    assert np.isnan(recording.position[1:, 1]).all()
+    assert np.isfinite(recording.position[:, 0]).all()
 
 
 def test_absent_rows_are_nan_and_said(put):
     text = "time_s,vehicle,speed_mps,gap_m\n0,0,9,\n1,0,9,\n2,0,9,\n1,1,9,5\n2,1,9,5\n"
     recording = read(put(text))
-    assert np.isnan(recording.gap[1, 0]) and np.isnan(recording.speed[1, 0])
+    assert np.isnan(recording.gap[1, 0])
+    assert np.isnan(recording.speed[1, 0])
     assert any("1 rows are absent" in note for note in recording.notes)
 
 
@@ -155,10 +159,12 @@ def test_openacc_without_and_with_header(put):
     np.testing.assert_array_equal(plain.gap[1], [5, 5.1])
     header = "Date,8,10,2019\r\nVehicle_order,AUDI,BMW,\r\nNumber_of_vehicles,2\r\nACC,1\r\nDistance_setting,S\r\n"
     named = read(put(header + table))
-    assert named.names == ("AUDI", "BMW") and any("Distance_setting S" in note for note in named.notes)
+    assert named.names == ("AUDI", "BMW")
+    assert any("Distance_setting S" in note for note in named.notes)
     np.testing.assert_array_equal(named.gap, plain.gap)
     extra = read(put(header.replace("BMW", "BMW,VW") + table))
-    assert extra.names == ("vehicle 0", "vehicle 1") and any("3 names for 2 vehicles" in n for n in extra.notes)
+    assert extra.names == ("vehicle 0", "vehicle 1")
+    assert any("3 names for 2 vehicles" in n for n in extra.notes)
 
 
 def test_units_apply_to_openacc_too(put):
@@ -188,7 +194,8 @@ def test_ngsim_headerless_and_other_spellings(put):
 
 def test_ngsim_says_where_the_vehicle_ahead_changes(put):
     recording = read(put(ngsim_table(change_at=107)), vehicle=9)
-    assert recording.names == ("7", "5", "9") and recording.time.size == 7
+    assert recording.names == ("7", "5", "9")
+    assert recording.time.size == 7
     assert any("the vehicle ahead of 9 is 7 and not 5 in frame 107" in note for note in recording.notes)
 
 
@@ -234,7 +241,8 @@ def test_dataset_has_names_units_and_signs(put):
     assert {"position", "speed", "acceleration", "gap", "relative_speed"} == set(dataset.data_vars)
     np.testing.assert_allclose(dataset.relative_speed[1], [0, 0, 1])
     np.testing.assert_allclose(dataset.acceleration[0], [0, 5, 10])
-    assert dataset.acceleration.attrs["units"] == "m/s²" and "central" in dataset.acceleration.attrs["long_name"]
+    assert dataset.acceleration.attrs["units"] == "m/s²"
+    assert "central" in dataset.acceleration.attrs["long_name"]
     assert all("units" in dataset[name].attrs and "long_name" in dataset[name].attrs for name in dataset.data_vars)
 
 
@@ -335,7 +343,8 @@ def test_bad_input_ends_in_one_sentence(put, case):
     content, options, message = BAD[case]
     with pytest.raises(HeadwayError, match=message) as caught:
         read(put(content), **options)
-    assert "\n" not in str(caught.value) and "Traceback" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert "Traceback" not in str(caught.value)
 
 
 def test_missing_file_and_folder(tmp_path, put):
@@ -363,8 +372,10 @@ def test_a_recording_whose_shapes_disagree():
 
 def test_astazero_as_published():
     recording = read(shared("raw/astazero_data_example.csv"))
-    assert recording.vehicles == 5 and recording.time.size == 19840
-    assert recording.speed.max() < 30 and np.nanmin(recording.gap) > 2.5
+    assert recording.vehicles == 5
+    assert recording.time.size == 19840
+    assert recording.speed.max() < 30
+    assert np.nanmin(recording.gap) > 2.5
     tidy = read(shared("openacc_asta_acc_short_p1.csv"))  # cut out of it at 1151 s and rounded to mm
     part = slice(11500, 11500 + tidy.time.size)
     np.testing.assert_allclose(recording.gap[1:, part], tidy.gap[1:], atol=6e-4)
@@ -373,7 +384,8 @@ def test_astazero_as_published():
 
 def test_zalazone_as_published():
     recording = read(shared("raw/zalazone_short_dynamic_part4.csv"))
-    assert recording.vehicles == 11 and recording.names[:2] == ("SMART_TARGET", "MERCEDES_GLE450")
+    assert recording.vehicles == 11
+    assert recording.names[:2] == ("SMART_TARGET", "MERCEDES_GLE450")
     tidy = read(shared("openacc_zala_acc_short_11veh_p4.csv"))
     np.testing.assert_allclose(recording.gap[1:, : tidy.time.size], tidy.gap[1:], atol=6e-4)
     np.testing.assert_allclose(recording.speed[:, : tidy.time.size], tidy.speed, atol=6e-4)
@@ -387,4 +399,5 @@ def test_zalazone_spacing_is_antenna_distance_less_a_constant():
     for n in range(1, 11):
         antennas = np.hypot(table[f"E{n}"] - table[f"E{n + 1}"], table[f"N{n}"] - table[f"N{n + 1}"])
         offset = (antennas - table[f"IVS{n}"]).dropna()
-        assert np.ptp(offset) < 1e-6 and 3.0 < offset.mean() < 5.5
+        assert np.ptp(offset) < 1e-6
+        assert 3.0 < offset.mean() < 5.5

@@ -73,9 +73,7 @@ def without_forms(model):
 
 
 def by_complex_step(model, state):
-    return {
-        n: np.imag(model(*(complex(x, 1e-40 * (k == n)) for k, x in state.items()))) / 1e-40 for n in state
-    }
+    return {n: np.imag(model(*(complex(x, 1e-40 * (k == n)) for k, x in state.items()))) / 1e-40 for n in state}
 
 
 @pytest.mark.parametrize("law", BUILT_IN.values(), ids=BUILT_IN)

@@ -318,3 +318,15 @@ def test_a_changed_helper_is_compiled_anew(tmp_path):
         file.write_text(source.replace("GAIN = 0.2", f"GAIN = {gain}"))
         (law,) = hw.load_laws(str(file))
         assert evaluate(law(), states) == pytest.approx([gain * 6.0])
+
+
+def test_helpers_may_stand_below_the_law(tmp_path):
+    file = tmp_path / "below.py"
+    source = "import headway as hw\n\n@hw.model\ndef mine(s, v, dv):\n    return pull(s, v) SIGN 0.6 * dv\n\n"
+    source += "def pull(s, v):\n    return 0.2 * (s - 2.0 - 1.2 * v)\n"
+    file.write_text(source.replace("SIGN", "+"))
+    (law,) = hw.load_laws(str(file))
+    assert law().acceleration(s=20.0, v=10.0, dv=1.0) == pytest.approx(1.8)
+    file.write_text(source.replace("SIGN", "-"))
+    with pytest.raises(hw.HeadwayError, match="turn its sign round"):  # looked at again when the file has been read
+        hw.load_laws(str(file))

@@ -167,7 +167,7 @@ def test_ploeg_style_acc_needs_its_time_gap():
 def test_string_verdict_changes_at_the_critical_delay(delay):
     critical = linear(IDM, delay=delay).critical_delay("string")
     for factor, stable in ((0.999, True), (1.001, False)):
-        late = critical * factor if isinstance(delay, float) else {n: critical * factor for n in delay}
+        late = critical * factor if isinstance(delay, float) else dict.fromkeys(delay, critical * factor)
         assert linear(IDM, delay=late).string_stable is stable
 
 

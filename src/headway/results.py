@@ -56,7 +56,9 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     writers: dict[str, Callable[[xr.Dataset, Path], Any]] = {".nc": _netcdf, ".csv": _csv}
     if target.suffix not in writers:
-        raise HeadwayError(f"{target}: results are written as {' or '.join(writers)}, not {target.suffix or 'without suffix'}")
+        raise HeadwayError(
+            f"{target}: results are written as {' or '.join(writers)}, not {target.suffix or 'without suffix'}"
+        )
     with writing(target) as temporary:
         writers[target.suffix](dataset, temporary)
     return target

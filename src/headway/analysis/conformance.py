@@ -17,7 +17,7 @@ __all__ = ["Check", "check_model"]
 
 @dataclass(frozen=True)
 class Check:
-    """One check of a law: its name, whether it passed, and why not or what was seen. `required`: a failure is an error."""
+    """One check of a law: its name, whether it passed, and why not. `required`: a failure is an error."""
 
     name: str
     passed: bool
@@ -130,7 +130,7 @@ def _derivatives(law: Law) -> str | None:
             numeric = (up - down) / (2 * h)
             if abs(numeric - exact[n]) > 1e-5 * max(1.0, abs(exact[n])):
                 return (
-                    f"its derivative by {n} at {speed:g} m/s is {exact[n]:.6g} exactly and {numeric:.6g} by differences; "
+                    f"its derivative by {n} at {speed:g} m/s is {exact[n]:.6g} exactly, {numeric:.6g} by differences; "
                     "use arithmetic, headway.maths and NumPy's functions, and keep corners away from equilibria"
                 )
     return None
@@ -158,7 +158,7 @@ def _affine(law: Law) -> str | None:
     for state in _states(law):
         values = [float(model(*{**state, "a": a}.values())) for a in (0.0, 1.0, 3.0)]
         if abs(values[2] - values[0] - 3.0 * (values[1] - values[0])) > 1e-9 * (1.0 + abs(values[0])):
-            return "it is not affine in its own acceleration a, so the loop a = f(…, a) has no exact solution; give it a lag"
+            return "it is not affine in its own acceleration a, so the loop a = f(…, a) has no exact solution"
         if abs(1.0 - (values[1] - values[0])) < 1e-9:
             return "its coefficient of a is 1, so the loop a = f(…, a) has no solution"
     return None

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from headway.analysis import stability
 from headway.analysis.quasipolynomial import QuasiPolynomial
@@ -48,7 +47,8 @@ def linearize(vehicle: Vehicle | Model, speed: float, gap: float | None = None) 
     for name, value in slopes.items():
         if not math.isfinite(value):
             raise HeadwayError(
-                f"{car.model.name} is not differentiable at {speed:g} m/s and {s:g} m: its derivative by {name} is {value}"
+                f"{car.model.name} is not differentiable at {speed:g} m/s and {s:g} m: "
+                f"its derivative by {name} is {value}"
             )
     return Linear(car, float(speed), s, tuple(slopes.items()))
 
@@ -244,7 +244,7 @@ class Linear:
         return stability.critical_scale(self, kind, unit) * unit
 
     def critical(self, parameter: str) -> float:
-        """The value of a parameter, nearest to the present one, at which the string verdict changes; NaN if it never does.
+        """The value of a parameter, nearest to the present one, at which the string verdict changes; NaN if none does.
 
         All other parameters, the delays and the speed stay; the equilibrium gap follows.
         """

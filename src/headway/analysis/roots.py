@@ -22,7 +22,7 @@ _SETTLED = 1e-9
 
 
 class Roots(NamedTuple):
-    """Roots (rightmost first, each of a conjugate pair), |characteristic function| there relative to its terms, nodes."""
+    """Roots, rightmost first; the largest |characteristic function| there, relative to its terms; collocation nodes."""
 
     roots: NDArray[np.complex128]
     residual: float
@@ -32,7 +32,7 @@ class Roots(NamedTuple):
 def rightmost(characteristic: QuasiPolynomial, count: int = 6) -> Roots:
     """The rightmost roots of a retarded characteristic function (highest power undelayed, or delayed and smaller)."""
     if not characteristic.delays:
-        roots = np.roots(characteristic.polynomial(0.0))
+        roots = np.asarray(np.roots(characteristic.polynomial(0.0)), dtype=np.complex128)
         return Roots(_sorted(roots)[:count], _residual(characteristic, roots), 0)
     previous = np.nan
     found = np.empty(0, complex)

@@ -39,12 +39,22 @@ def list_(*, json: Json = False) -> None:
     if json:
         show.print_json({name: _entry(e) for name, e in entries.items()})
         return
-    rows = [(e.name, e.kind, e.title, str(e.vehicles or "–"), show.number(e.seconds or float("nan")), e.licence) for e in entries.values()]
+    rows = [
+        (e.name, e.kind, e.title, str(e.vehicles or "–"), show.number(e.seconds or float("nan")), e.licence)
+        for e in entries.values()
+    ]
     show.table("", ("name", "kind", "what", "vehicles", "seconds", "licence"), rows, left=3)
 
 
 @data_app.command
-def info(name: Annotated[str, Parameter(help="A catalogue name or a file.")], *, format: Format = None, column: Column = None, unit: Unit = None, json: Json = False) -> None:  # fmt: skip
+def info(
+    name: Annotated[str, Parameter(help="A catalogue name or a file.")],
+    *,
+    format: Format = None,
+    column: Column = None,
+    unit: Unit = None,
+    json: Json = False,
+) -> None:
     """Describe a catalogue entry (provenance, licence), or a file and what is doubtful about it."""
     from headway.data.catalogue import catalogue
 
@@ -81,7 +91,9 @@ def fetch(
 def compare(
     file: Annotated[str, Parameter(help="A file of trajectories of two or more vehicles.")],
     *,
-    model: Annotated[str, Parameter(help="The law that replaces the followers: a name, or my.py:soft (runs the file).")],
+    model: Annotated[
+        str, Parameter(help="The law that replaces the followers: a name, or my.py:soft (runs the file).")
+    ],
     set_: Annotated[list[str] | None, Parameter(name="--set", help="A parameter, e.g. T=1.2; may be repeated.")] = None,
     delay: Annotated[float, Parameter(help="Delay of all on-board signals [s].")] = 0.0,
     lag: Annotated[float, Parameter(help="Time constant of the actuator [s].")] = 0.0,
@@ -111,7 +123,8 @@ def compare(
     if out is not None:
         save(results, out)
     if json:
-        show.print_json({"file": file, "model": law.name, "vehicles": errors.reset_coords(drop=True).to_dataframe().reset_index().to_dict("records")})  # fmt: skip
+        rows = errors.reset_coords(drop=True).to_dataframe().reset_index().to_dict("records")
+        show.print_json({"file": file, "model": law.name, "vehicles": rows})
         return
     columns = {
         "rms_gap_error": "r.m.s. gap error [m]",
@@ -121,7 +134,8 @@ def compare(
         "max_speed_error": "largest [m/s]",
     }
     rows = [
-        (str(int(n)), *(show.number(float(errors[c].sel(vehicle=n)), 3) for c in columns)) for n in errors.vehicle.values
+        (str(int(n)), *(show.number(float(errors[c].sel(vehicle=n)), 3) for c in columns))
+        for n in errors.vehicle.values
     ]
     show.table(f"{law.name} in the place of the followers of {file}", ("vehicle", *columns.values()), rows)
 
@@ -173,7 +187,7 @@ def _describe_file(recording: Recording, json: bool) -> None:
                 "samples": int(recording.time.size),
                 "names": list(recording.names),
                 "notes": list(recording.notes),
-                "findings": [{k: v for k, v in vars(f).items()} for f in findings],
+                "findings": [dict(vars(f)) for f in findings],
             }
         )
         return

@@ -17,7 +17,9 @@ __all__ = ["check", "models"]
 def models(
     name: Annotated[str | None, Parameter(help="Only this one.")] = None,
     *,
-    model: Annotated[list[str] | None, Parameter(help="Also the laws of a file, e.g. my.py:soft; runs the file.")] = None,
+    model: Annotated[
+        list[str] | None, Parameter(help="Also the laws of a file, e.g. my.py:soft; runs the file.")
+    ] = None,
     json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
 ) -> None:
     """List the car-following laws: formula, signals, parameters with unit and bounds, source."""

@@ -163,7 +163,8 @@ def _rows(scenario: Scenario, result: Result) -> list[dict[str, Any]]:
         "peak_spacing_error": peak_of(time, found["spacing_error"]),
         "rms_spacing_error": rms_of(time, found["spacing_error"]),
         "speed_amplitude": amplitude,
-        "speed_amplitude_ratio": [float("nan")] + [b / a if a > 1e-12 else float("nan") for a, b in pairwise(amplitude)],
+        "speed_amplitude_ratio": [float("nan")]
+        + [b / a if a > 1e-12 else float("nan") for a, b in pairwise(amplitude)],
         "least_gap": extreme_of(time, found["gap"], -1.0),
         "collision_time": result.collision_time,
     }

@@ -81,9 +81,8 @@ def _scenario(
         return
     for n, linear, report in zip(numbers, different, reports, strict=True):
         same = sum(other == linear for other in chain.vehicles)
-        print(
-            f"vehicle {n}{f' and {same - 1} like it' if same > 1 else ''}, {report['model']}: {verdict(linear, report['critical_delay'])}"
-        )
+        who = f"vehicle {n} and {same - 1} like it" if same > 1 else f"vehicle {n}"
+        print(f"{who}, {report['model']}: {verdict(linear, report['critical_delay'])}")
     peak, worst = chain.peak, chain.worst
     count = len(chain.vehicles)
     if not chain.locally_stable:
@@ -149,7 +148,8 @@ def verdict(linear: Linear, critical: dict[str, float]) -> str:
         end = "whatever the delay" if math.isinf(limit) else f"for {late} up to {limit:.3g} s"
         return f"string stable: no disturbance grows from vehicle to vehicle; so it is {end}"
     words = (
-        f"string unstable: a {linear.peak_frequency:.2g} rad/s disturbance grows {_times(linear.peak_gain)} times per vehicle"
+        f"string unstable: a {linear.peak_frequency:.2g} rad/s disturbance "
+        f"grows {_times(linear.peak_gain)} times per vehicle"
         if math.isfinite(linear.peak_frequency)
         else f"string unstable: short waves grow {linear.peak_gain:.3g} times per vehicle"
     )

@@ -67,9 +67,7 @@ def own_order(vehicle: Vehicle, order: int) -> int:
     return order - (vehicle.lag > 0)
 
 
-def propagate(
-    vehicles: Sequence[Vehicle], leader: Jumps, own: dict[int, Jumps], end: float
-) -> list[Jumps]:
+def propagate(vehicles: Sequence[Vehicle], leader: Jumps, own: dict[int, Jumps], end: float) -> list[Jumps]:
     """Breaking points of the leader and of every follower up to `end` [s].
 
     `own` holds those that begin at a vehicle itself (1 is the first follower): its initial state,

@@ -25,13 +25,12 @@ from numba import types as nt
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
+import headway
 from headway.errors import HeadwayError
 from headway.models import Law, Model, maths
 from headway.models.fingerprint import fingerprint
 
-__all__ = ["address", "cache_folder", "call_rate", "evaluate", "pointer"]
-
-_REAL = nt.CPointer(nt.float64)
+__all__ = ["address", "address_of", "at", "cache_folder", "call_rate", "evaluate", "whole"]
 
 
 @overload(maths.where, inline="never")
@@ -68,48 +67,75 @@ def _tanh_compiled(x):
     return 2.0 * t / (1.0 + t * t)
 
 
-@overload(maths.tanh)
+@overload(maths.tanh, jit_options={"forceinline": True})
 def _tanh(x):
     return _tanh_compiled
 
 
 @intrinsic
-def pointer(typingctx, array, offset):
-    """Pointer to element `offset` of a contiguous float64 array."""
+def address_of(typingctx, array, offset):
+    """Address of element `offset` of a contiguous array."""
 
     def codegen(context, builder, signature, args):
         view = context.make_array(signature.args[0])(context, builder, args[0])
-        return builder.gep(view.data, [args[1]])
+        return builder.ptrtoint(builder.gep(view.data, [args[1]]), cgutils.intp_t)
 
-    return _REAL(array, nt.intp), codegen
+    return nt.intp(array, nt.intp), codegen
 
 
 @intrinsic
-def call_rate(typingctx, address, signals, parameters, out, count, signal_stride, parameter_stride, back):
-    """Call the loop of a law at `address`."""
-    signature = nt.void(nt.intp, _REAL, _REAL, _REAL, nt.intp, nt.intp, nt.intp, nt.intp)
+def at(typingctx, address):
+    """Pointer to the float64 at an address."""
 
     def codegen(context, builder, signature, args):
-        real, whole = ir.DoubleType().as_pointer(), cgutils.intp_t
-        function = ir.FunctionType(ir.VoidType(), [real, real, real, whole, whole, whole, whole])
+        return builder.inttoptr(args[0], ir.DoubleType().as_pointer())
+
+    return nt.CPointer(nt.float64)(nt.intp), codegen
+
+
+@intrinsic
+def whole(typingctx, address):
+    """Pointer to the int64 at an address."""
+
+    def codegen(context, builder, signature, args):
+        return builder.inttoptr(args[0], ir.IntType(64).as_pointer())
+
+    return nt.CPointer(nt.int64)(nt.intp), codegen
+
+
+@intrinsic
+def call_rate(typingctx, address, sources, parameters, out, count, first, stride, back):
+    """Call the loop of a law at `address`, see `address`."""
+
+    def codegen(context, builder, signature, args):
+        function = ir.FunctionType(ir.VoidType(), [cgutils.intp_t] * 7)
         builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
         return context.get_dummy_value()
 
-    return signature, codegen
+    return nt.void(*[nt.intp] * 8), codegen
 
 
 @numba.njit(error_model="numpy")
-def _call(address, signals, parameters, out):
-    n = out.size
-    call_rate(address, pointer(signals, 0), pointer(parameters, 0), pointer(out, 0), n, n, 1, 0)
+def _call(address, sources, parameters, out):
+    call_rate(address, address_of(sources, 0), address_of(parameters, 0), address_of(out, 0), out.size, 0, 1, 0)
 
 
 def evaluate(model: Model, signals: np.ndarray) -> np.ndarray:
     """Accelerations (n,) of the compiled law for `signals` (signals of the law, n), as the kernel computes them."""
     out = np.empty(signals.shape[1])
+    rows = np.ascontiguousarray(signals, dtype=float)
+    nothing = np.zeros(signals.shape[1])
+    # a gap is a difference of positions less a length, a relative speed a difference
+    sources = np.full((len(rows), 3), nothing.ctypes.data)
+    sources[:, 0] = [row.ctypes.data for row in rows]
     parameters = np.array(list(model.parameters.values()) or [0.0])[:, None]
-    _call(address(model.law, (), False, False), np.ascontiguousarray(signals, dtype=float), parameters, out)
+    _call(address(model.law, structural(model), (), False, False), sources, parameters, out)
     return out
+
+
+def structural(model: Model) -> tuple[tuple[str, float], ...]:
+    """The parameters that select a form of the law, with their values."""
+    return tuple((n, x) for n, x in model.items if model.law.parameters[n].info.structural)
 
 
 def cache_folder() -> Path:
@@ -127,19 +153,23 @@ def cache_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="headway-"))
 
 
-@functools.lru_cache(maxsize=None)
-def address(law: Law, varying: tuple[str, ...], implicit: bool, chained: bool) -> int:
+@functools.cache
+def address(
+    law: Law, fixed: tuple[tuple[str, float], ...], varying: tuple[str, ...], implicit: bool, chained: bool
+) -> int:
     """Address of the compiled loop of `law`.
 
-    The loop is `rate(signals, parameters, out, count, signal_stride, parameter_stride, back)`:
-    `signals` and `parameters` are rows of elements, in the order of the signature. Parameters not
-    in `varying` are the same for all elements and are read once. `implicit`: own acceleration is
-    not a signal but what the loop returns; the law is affine in it and is solved exactly.
-    `chained`: the acceleration of the vehicle ahead is the result `back` elements earlier; `out`
-    then begins with the row of the vehicle ahead of the first.
+    The loop is `rate(sources, parameters, out, count, first, stride, back)`, all addresses and whole
+    numbers. `sources` are three addresses for each signal: what it is made of (for `s` the position
+    ahead, one's own, and the length to be left out; for `dv` the speed ahead and one's own), from
+    element `first` on. `parameters` are rows of `stride` elements. `fixed` parameters are constants
+    of the loop; of the others those not in `varying` are the same for all elements and are read once.
+    `implicit`: own acceleration is not a signal but what the loop returns; the law is affine in it
+    and is solved exactly. `chained`: the acceleration of the vehicle ahead is the result `back`
+    elements earlier; `out` then begins with the row of the vehicle ahead of the first.
     """
     try:
-        return _compiled(law, varying, implicit, chained).address
+        return _compiled(law, fixed, varying, implicit, chained).address
     except numba.core.errors.NumbaError as error:
         if os.environ.get("HEADWAY_DEBUG"):
             raise
@@ -151,14 +181,13 @@ def address(law: Law, varying: tuple[str, ...], implicit: bool, chained: bool) -
         ) from None
 
 
-def _compiled(law: Law, varying: tuple[str, ...], implicit: bool, chained: bool) -> Any:
-    text = _source(law, varying, implicit, chained)
+def _compiled(
+    law: Law, fixed: tuple[tuple[str, float], ...], varying: tuple[str, ...], implicit: bool, chained: bool
+) -> Any:
+    text = _source(law, dict(fixed), varying, implicit, chained)
     # cached code looks its module up by name, so a law that moved to another module is another law
-    identity = hashlib.sha256(f"{law.function.__module__} {fingerprint(law.function)}".encode()).hexdigest()[:24]
-    variant = f"{'i' if implicit else 'e'}{'c' if chained else 's'}_" + "".join(
-        "1" if p in varying else "0" for p in law.parameters
-    )
-    name = f"law_{identity}_{variant}"
+    identity = "\n".join((headway.__version__, law.function.__module__, fingerprint(law.function), text))
+    name = f"law_{hashlib.sha256(identity.encode()).hexdigest()[:32]}"
     path = cache_folder() / f"{name}.py"
     if not path.exists():
         # another process may write the same file at the same time: both write the same content
@@ -170,9 +199,9 @@ def _compiled(law: Law, varying: tuple[str, ...], implicit: bool, chained: bool)
     module = importlib.util.module_from_spec(module_spec)
     module.__file__ = str(path)
     sys.modules[name] = module  # numba looks a cached function's module up by name
-    module.__dict__["law"] = numba.njit(error_model="numpy")(_positional(law.function))
+    module.__dict__["law"] = numba.njit(error_model="numpy", forceinline=True)(_positional(law.function))
     exec(compile(text, str(path), "exec"), module.__dict__)  # the text is ours; the law is a function already
-    signature = nt.void(_REAL, _REAL, _REAL, nt.intp, nt.intp, nt.intp, nt.intp)
+    signature = nt.void(*[nt.intp] * 7)
     decorate = numba.cfunc(signature, cache=True, error_model="numpy")
     try:
         return decorate(module.__dict__["rate"])
@@ -193,36 +222,43 @@ def _positional(function: Any) -> types.FunctionType:
     return types.FunctionType(code, plain.__globals__, plain.__name__, None, plain.__closure__)
 
 
-def _source(law: Law, varying: tuple[str, ...], implicit: bool, chained: bool) -> str:
+#: how many addresses a signal is made of, and how its value is made of them
+_MADE_OF = {"s": (3, "{0} - {1} - {2}"), "dv": (2, "{0} - {1}")}
+
+
+def _source(law: Law, fixed: dict[str, float], varying: tuple[str, ...], implicit: bool, chained: bool) -> str:
     """The loop as text."""
     names = list(law.parameters)
     lines = [
         f'"""Loop of the law {law.name}, written by headway; may be deleted at any time."""',
         "from numba import carray",
+        "from headway.engine.compile import at, whole",
         "",
-        "def rate(signals, parameters, out, count, signal_stride, parameter_stride, back):",
-        f"    S = carray(signals, ({len(law.signals)}, signal_stride))",
-        f"    P = carray(parameters, ({max(len(names), 1)}, parameter_stride))",
-        f"    O = carray(out, (count{' + back' if chained else ''},))",
+        "def rate(sources, parameters, out, count, first, stride, back):",
+        f"    S = carray(whole(sources), ({3 * len(law.signals)},))",
+        f"    P = carray(at(parameters), ({max(len(names), 1)}, stride))",
+        f"    O = carray(at(out), (count{' + back' if chained else ''},))",
     ]
-    lines += [f"    p_{n} = P[{i}, 0]" for i, n in enumerate(names) if n not in varying]
+    lines += [f"    p_{n} = {float(x)!r}" for n, x in fixed.items()]
+    lines += [f"    p_{n} = P[{i}, 0]" for i, n in enumerate(names) if n not in varying and n not in fixed]
+    values = {}
+    for i, signal in enumerate(law.signals):
+        if (signal == "a" and implicit) or (signal == "al" and chained):
+            continue
+        count, form = _MADE_OF.get(signal, (1, "{0}"))
+        lines += [f"    {signal}_{j} = carray(at(S[{3 * i + j}] + 8 * first), (count,))" for j in range(count)]
+        values[signal] = form.format(*(f"{signal}_{j}[i]" for j in range(count)))
     lines.append("    for i in range(count):")
     lines += [f"        p_{n} = P[{i}, i]" for i, n in enumerate(names) if n in varying]
+    values |= {"al": "O[i]"} if chained else {}
 
     def call(own: str) -> str:
-        arguments = []
-        for i, signal in enumerate(law.signals):
-            if signal == "a" and implicit:
-                arguments.append(own)
-            elif signal == "al" and chained:
-                arguments.append("O[i]")
-            else:
-                arguments.append(f"S[{i}, i]")
+        arguments = [values.get(signal, own) for signal in law.signals]
         return f"law({', '.join(arguments + [f'p_{n}' for n in names])})"
 
-    own = "O[i + back]" if chained else "O[i]"
+    target = "O[i + back]" if chained else "O[i]"
     if implicit:
-        lines += [f"        still = {call('0.0')}", f"        {own} = still / (1.0 - ({call('1.0')} - still))"]
+        lines += [f"        still = {call('0.0')}", f"        {target} = still / (1.0 - ({call('1.0')} - still))"]
     else:
-        lines.append(f"        {own} = {call('')}")
+        lines.append(f"        {target} = {call('')}")
     return "\n".join(lines) + "\n"

@@ -8,6 +8,8 @@ reversing, and no stage ever cuts a speed off.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,6 +49,9 @@ class RunAlone(Run):
             last = min(self.made + (1 if resting else self.chunk), mesh.steps)
             self._ensure_ring(self.made, last)
             self.made, self.out_row = self.advance(self.made, last, kernel.STOP_AT_EVENT, mesh.time)
+            if self.made < last and self.plan.hears_late_acceleration and not self.plan.extra:
+                # an event will put nodes off the grid: begin again with what that takes
+                return RunAlone(dataclasses.replace(self.plan, extra=True)).go()
             if self.made < last:
                 self._ballistic_event() if self.ballistic else self._event()
             elif resting:
@@ -94,7 +99,9 @@ class RunAlone(Run):
 
         if not start > 0.0:
             return 0.0
-        return float(brentq(lambda share: self._try(share)[kind, vehicle] if share > 0 else start, 0.0, most, xtol=1e-12))
+        return float(
+            brentq(lambda share: self._try(share)[kind, vehicle] if share > 0 else start, 0.0, most, xtol=1e-12)
+        )
 
     def _try(self, share: float) -> Array:
         """Measures after only a share of the step; nothing is committed."""
@@ -144,10 +151,12 @@ class RunAlone(Run):
             return
         if kind == _STOP:
             state.ring[1, row, element] = 0.0
-            state.K[0, element] = 0.0
+            state.actual[element] = 0.0
             self.mesh.jump[node] = True
             # behind a lag it may stop while it is asked to go already, and then it goes at once
-            state.go[vehicle] = 1.0 if state.command[0, vehicle] > 0.0 else 0.0
+            # (without one, what it is asked is what it does, and commands are not kept)
+            lagged = self.plan.scenarios[0].followers[vehicle].lag > 0
+            state.go[vehicle] = 1.0 if lagged and state.command[0, vehicle] > 0.0 else 0.0
         elif kind == _START:
             state.go[vehicle] = 1.0
             self.mesh.jump[node] = True
@@ -178,7 +187,7 @@ class RunAlone(Run):
         row = (self.made + 1) % state.ring.shape[1]
         for quantity in (0, 1, 3):
             state.ring[quantity, row, vehicle + 1 :] = np.nan
-        state.K[0, vehicle + 1 :] = np.nan
+        state.actual[vehicle + 1 :] = np.nan
         state.go[vehicle:] = 1.0
         state.watch[vehicle:] = 0.0
         if self.made <= self.mesh.steps:
@@ -213,8 +222,8 @@ class RunAlone(Run):
         need, have = self._ring_size(first, last), self.state.ring.shape[1]
         if need <= have:
             return
-        ring = np.zeros((5, 2 * need, self.state.ring.shape[2]))
+        ring, two = np.zeros((5, 2 * need, self.state.ring.shape[2])), np.zeros(2 * need, dtype=np.int64)
         top = self.made + 1
         for row in range(max(0, top - have + 1), top + 1):
-            ring[:, row % ring.shape[1]] = self.state.ring[:, row % have]
-        self.state = self.state._replace(ring=ring)
+            ring[:, row % two.size], two[row % two.size] = self.state.ring[:, row % have], self.state.two[row % have]
+        self.state = self.state._replace(ring=ring, two=two)

@@ -89,12 +89,14 @@ class Lookup:
     """How to read the past for each delay slot d, step k and position of `AT` (axes in this order).
 
     `row` history row r, counted from that of the first step: the value lies between rows r and r+1
-    (in the history row 0 is the time before 0, row k+1 the node k). `motion` (…, 4) weights of x_r, x_r+1, v_r, v_r+1 for a position, and of
+    (in the history row 0 is the time before 0, row k+1 the node k). `share` how far between
+    the two, from 0 to 1. `motion` (…, 4) weights of x_r, x_r+1, v_r, v_r+1 for a position, and of
     v, a alike for a speed. `acceleration` (…, 5) weights of v_r, v_r+1, a_r (right), a_r+1 (left)
     and the extra point. `inside` (K,): some look-up needs the step itself that is being made.
     """
 
     row: NDArray[np.int64]
+    share: Array
     motion: Array
     speed: Array
     acceleration: Array
@@ -102,7 +104,7 @@ class Lookup:
 
 
 def look_up(nodes: Array, first: int, last: int, delays: Array, before: float, extra: bool, ballistic: bool) -> Lookup:
-    """Look-ups of steps `first` … `last`-1 of a mesh for each of `delays` [s]; `before` is the length of the time before 0.
+    """Look-ups of steps `first` … `last`-1 of a mesh for each of `delays` [s]; history begins `before` seconds before 0.
 
     Row numbers count from the row of step `first`. On a node the start of a step takes the limit from the right, its end that from
     the left.
@@ -136,13 +138,18 @@ def look_up(nodes: Array, first: int, last: int, delays: Array, before: float, e
     acceleration = np.where(past[..., None], 0.0, acceleration)
     relative = row + base - (first + 1)
     inside = np.any(relative == np.arange(last - first)[None, :, None], axis=(0, 2))
-    return Lookup(relative, motion, speed, acceleration, inside)
+    return Lookup(relative, theta, motion, speed, acceleration, inside)
 
 
 def _hermite(theta: Array, step: Array) -> tuple[Array, Array]:
     one = 1.0 - theta
     w = np.stack(
-        (one * one * (1.0 + 2.0 * theta), theta * theta * (3.0 - 2.0 * theta), step * theta * one * one, -step * theta * theta * one),
+        (
+            one * one * (1.0 + 2.0 * theta),
+            theta * theta * (3.0 - 2.0 * theta),
+            step * theta * one * one,
+            -step * theta * theta * one,
+        ),
         axis=-1,
     )
     return w, w

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.engine.breaking import Jumps, own_order, propagate
-from headway.engine.compile import address
+from headway.engine.compile import address, structural
 from headway.engine.kernel import GROUP, SIGNAL_CODES, Platoon
 from headway.engine.mesh import Mesh, build_mesh
 from headway.models import Law
-from headway.scenario.channel import Channel
 from headway.scenario.motion import Motion
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
@@ -40,13 +39,13 @@ def output_times(scenario: Scenario) -> Array:
     if step is None:
         dt = scenario.dt or DEFAULT_DT
         step = dt * max(1, math.ceil(scenario.end / dt / MOST_SAMPLES - 1e-9))
-    count = int(math.floor(scenario.end / step * (1.0 + 1e-12) + 1e-9))
+    count = math.floor(scenario.end / step * (1.0 + 1e-12) + 1e-9)
     times = np.asarray(np.arange(count + 1) * step, dtype=np.float64)
     return times if scenario.end - times[-1] < 2e-9 * max(1.0, step) else np.append(times, scenario.end)
 
 
 def structure(scenario: Scenario) -> tuple[Any, ...]:
-    """What scenarios must share to run as lanes of one batch: everything but numbers that a lane may have for itself."""
+    """What scenarios must share to run as lanes of one batch: all but numbers that a lane may have for itself."""
     motion = scenario.motion
     time, order = motion.jumps(scenario.end)
     vehicles = tuple(_shape(v) for v in scenario.followers)
@@ -64,9 +63,7 @@ def structure(scenario: Scenario) -> tuple[Any, ...]:
 
 
 def _shape(vehicle: Vehicle) -> tuple[Any, ...]:
-    law = vehicle.model.law
-    structural = tuple(x for n, x in vehicle.model.items if law.parameters[n].info.structural)
-    return law, structural, vehicle.channel, vehicle.lag > 0, vehicle.limits is not None
+    return vehicle.model.law, structural(vehicle.model), vehicle.channel, vehicle.lag > 0, vehicle.limits is not None
 
 
 @dataclass
@@ -78,7 +75,8 @@ class Plan:
     motions: list[Motion]
     delays: Array
     mesh: Mesh
-    extra: bool
+    extra: bool  # whether late accelerations are read where only the extra point makes them fourth order
+    hears_late_acceleration: bool
     x: Array  # (N+1, B) initial positions, row 0 the leader
     v: Array
     cruise: Array  # (B,) speed at which positions move before 0
@@ -121,7 +119,9 @@ class Plan:
         mesh = build_mesh(first.end, first.dt or DEFAULT_DT, output_times(first), jumps)
         delays = np.array(slots.delays, dtype=float)
         return cls(
-            scenarios, platoon, motions, delays, mesh, slots.hears_late_acceleration, x, v,
+            scenarios, platoon, motions, delays, mesh, slots.late_accelerations_between(mesh),
+            bool(slots.accelerations),
+            x, v,
             np.array([s.cruise for s in scenarios]),
         )  # fmt: skip
 
@@ -171,7 +171,6 @@ class _Slots:
         self.delays: list[float] = []
         self.needs: list[set[int]] = []
         self.span: list[tuple[int, int]] = []
-        self.hears_late_acceleration = False
 
     def __call__(self, delay: float, quantity: int, row: int, rows: int) -> int:
         """Slot of `delay`, asked for `quantity` (0 x, 1 v, 2 a) by followers row … row+rows-1; -1 if current."""
@@ -185,8 +184,20 @@ class _Slots:
         self.needs[slot].add(quantity)
         low, high = self.span[slot]
         self.span[slot] = min(low, row), max(high, row + rows + 1)
-        self.hears_late_acceleration |= quantity == 2
         return slot
+
+    @property
+    def accelerations(self) -> list[float]:
+        """Delays of late accelerations."""
+        return [d for d, n in zip(self.delays, self.needs, strict=True) if 2 in n]
+
+    def late_accelerations_between(self, mesh: Mesh) -> bool:
+        """Whether late accelerations are read anywhere but at nodes and in the middle between them."""
+        length = np.diff(mesh.time)
+        if not self.accelerations or np.ptp(length) > 1e-9:
+            return bool(self.accelerations)
+        halves = 2.0 * np.array(self.accelerations) / length[0]
+        return bool(np.any(np.abs(halves - np.rint(halves)) * length[0] > 1e-9))
 
     def needs_array(self) -> NDArray[np.bool_]:
         return np.array([[q in n for q in range(3)] for n in self.needs], dtype=bool).reshape(-1, 3)
@@ -206,9 +217,7 @@ def _fill_group(
     for i, signal in enumerate(law.signals):
         group[GROUP[f"signal{i}"]] = SIGNAL_CODES[signal]
         halves = (
-            (channel.leader_speed_in_dv, channel.own_speed_in_dv)
-            if signal == "dv"
-            else (getattr(channel, signal),) * 2
+            (channel.leader_speed_in_dv, channel.own_speed_in_dv) if signal == "dv" else (getattr(channel, signal),) * 2
         )
         slots[i] = [slot(d, _QUANTITY[signal], row, rows) for d in halves]
     plain = vehicle.lag == 0 and vehicle.limits is None
@@ -226,15 +235,13 @@ def _implicit(vehicle: Vehicle) -> bool:
 
 
 def _addresses(vehicle: Vehicle, varying: tuple[str, ...]) -> tuple[int, int]:
-    law, channel = vehicle.model.law, vehicle.channel
-    plain = address(law, varying, _implicit(vehicle), False)
+    law, channel, fixed = vehicle.model.law, vehicle.channel, structural(vehicle.model)
+    plain = address(law, fixed, varying, _implicit(vehicle), False)
     chained = "al" in law.signals and channel.al == 0.0 and vehicle.lag == 0 and vehicle.limits is None
-    return plain, address(law, varying, _implicit(vehicle), True) if chained else 0
+    return plain, address(law, fixed, varying, _implicit(vehicle), True) if chained else 0
 
 
-def _parameters(
-    scenarios: Sequence[Scenario], runs: list[tuple[int, int]]
-) -> tuple[Array, list[tuple[str, ...]]]:
+def _parameters(scenarios: Sequence[Scenario], runs: list[tuple[int, int]]) -> tuple[Array, list[tuple[str, ...]]]:
     """Parameters (most parameters of a law, M), and for each run those that differ within it (all or none)."""
     followers, lanes = len(scenarios[0].followers), len(scenarios)
     most = max(len(v.model.items) for v in scenarios[0].followers)

@@ -71,9 +71,7 @@ def simulate_reference(scenario: Scenario, times: ArrayLike) -> Reference:
     end, out = scenario.end, np.asarray(times, dtype=float)
     leader = _leader(scenario.motion, end)
     tracks, collisions, length, x = [leader], [math.nan], scenario.leader_length, 0.0
-    for vehicle, gap, speed in zip(
-        scenario.followers, scenario.initial_gaps(), scenario.initial_speeds(), strict=True
-    ):
+    for vehicle, gap, speed in zip(scenario.followers, scenario.initial_gaps(), scenario.initial_speeds(), strict=True):
         x -= gap + length
         follower = _Follower(vehicle, tracks[-1], leader, length, _Track(x, scenario.cruise, speed))
         collisions.append(follower.drive())
@@ -252,6 +250,7 @@ class _Follower:
         if math.isfinite(self.low):
             watched.append(("limit", lambda time, y: command(time, y) - self.low, 0.0))
             watched.append(("limit", lambda time, y: command(time, y) - self.high, 0.0))
+
         def solve(stop: float, events: list[Any]) -> Any:
             solution: Any = solve_ivp(
                 rate, (t, stop), y, method="DOP853", rtol=_TOLERANCE, atol=_TOLERANCE, first_step=stop - t,

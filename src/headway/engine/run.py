@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from headway.engine import kernel
 from headway.engine.leading import lead_ballistic, lead_exact
-from headway.engine.mesh import look_up
+from headway.engine.mesh import Lookup, look_up
 from headway.engine.plan import Plan
 
 __all__ = ["Result", "Run"]
@@ -90,8 +90,21 @@ class Run:
             flags[0] |= kernel.FLAG_JUMP
         lead, late = (lead_ballistic if self.ballistic else lead_exact)(plan, nodes, first, last)
         return kernel.Steps(
-            np.diff(nodes[first : last + 1]), flags, lead, late, look.row, look.motion, look.speed, look.acceleration
-        )
+            np.diff(nodes[first : last + 1]), flags, lead, late, look.row, look.motion, look.speed, look.acceleration,
+            self._nodes(look, first),
+        )  # fmt: skip
+
+    def _nodes(self, look: Lookup, first: int) -> NDArray[np.int64]:
+        """1 or 2 where a look-up is the first or second node of its step and nothing is two-sided there."""
+        node = np.where(look.share == 0.0, 1, np.where(look.share == 1.0, 2, 0))
+        if node.size:
+            # history row r stands for node r - 1; the time before 0 and its end are read, not pointed at
+            number = look.row + first + node - 1
+            inside = (number > 0) & (number < self.mesh.steps)
+            node[~inside | self.mesh.jump[np.clip(number, 0, self.mesh.steps)]] = 0
+            # the step that is being made has no end yet
+            node[look.row + node - 1 > np.arange(look.row.shape[1])[None, :, None]] = 0
+        return node
 
     def _initial_state(self, ring_size: int) -> kernel.State:
         p, elements = self.plan, self.rows * self.lanes
@@ -102,11 +115,15 @@ class Run:
         ring[0, 1], ring[1, 0], ring[1, 1] = p.x.ravel(), p.v.ravel(), p.v.ravel()
         return kernel.State(
             ring=ring,
+            two=np.zeros(ring_size, dtype=np.int64),
             K=np.zeros((6, elements)),
             J=np.zeros((6, followers)),
-            signals=np.zeros((8, followers)),
+            actual=np.zeros(elements),
+            stage=np.zeros((2, elements)),
+            leader=np.zeros((8, followers)),
             looked=np.zeros((p.delays.size, 2, 3, elements)),
             command=np.zeros((3, followers)),
+            sources=np.zeros((8, 3), dtype=np.int64),
             go=np.ones(followers),
             watch=np.ones(followers),
             happened=np.zeros(followers),

@@ -23,7 +23,7 @@ __all__ = ["simulate", "simulate_many", "solve"]
 Array = NDArray[np.float64]
 
 #: lanes in one batch are cut so that its stage arrays (followers × lanes) stay in the caches
-_ELEMENTS = 384
+_ELEMENTS = 1280
 
 
 def simulate(scenario: Scenario) -> xr.Dataset:
@@ -62,8 +62,7 @@ def _block(scenarios: Sequence[Scenario]) -> list[Result]:
     batch = Run(Plan.of(scenarios)).go()
     bad = batch.disturbed | ~np.isfinite(batch.motion).all(axis=(0, 1, 2))
     return [
-        solve(s) if bad[b] else batch._replace(motion=batch.motion[..., b : b + 1])
-        for b, s in enumerate(scenarios)
+        solve(s) if bad[b] else batch._replace(motion=batch.motion[..., b : b + 1]) for b, s in enumerate(scenarios)
     ]
 
 

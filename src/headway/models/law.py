@@ -211,7 +211,7 @@ class Model:
     def at_rest(self, gap: Any, speed: Any) -> Any:
         """Acceleration [m/s²] where everybody drives `speed` steadily and the gap is `gap`."""
         zero = 0.0 * speed
-        values = {"s": gap, "dv": zero, **{n: speed for n in _SPEEDS}}
+        values = {"s": gap, "dv": zero, **dict.fromkeys(_SPEEDS, speed)}
         return self(*(values.get(n, zero) for n in self.law.signals))
 
     def equilibrium_gap(self, speed: float) -> float:

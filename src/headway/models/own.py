@@ -62,7 +62,9 @@ def _run(file: Path) -> types.ModuleType:
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt):
             raise
-        line = next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(file)), None)
+        line = next(
+            (f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == str(file)), None
+        )
         line = line or getattr(error, "lineno", None)
         where = f"{file}, line {line}" if line else str(file)
         raise HeadwayError(f"{where}: the file cannot be run ({type(error).__name__}: {error})") from None

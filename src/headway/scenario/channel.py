@@ -85,7 +85,9 @@ class Channel:
                         f"delay.{name}: {law} does not perceive {name!r}; its signals are {', '.join(signals)}{extra}"
                     )
             if composed and "dv" in given:
-                raise HeadwayError(f"delay: give {law} either dv (late as a whole) or vl (leader's speed late), not both")
+                raise HeadwayError(
+                    f"delay: give {law} either dv (late as a whole) or vl (leader's speed late), not both"
+                )
         composed = "vl" in given and "vl" not in signals
         own = given.get("v", 0.0)
         return cls(

@@ -19,7 +19,22 @@ from headway.errors import HeadwayError, unknown_name
 from headway.scenario.fields import Finite, NonNegative, Numbers, Positive, spec, unit
 from headway.scenario.motion import Motion, Piece, polyline, smooth_curve
 
-__all__ = ["KINDS", "Brake", "Chirp", "Constant", "Cycle", "Disturbance", "Multisine", "Noise", "Sawtooth", "Sine", "Square", "Step", "Triangle", "Window"]
+__all__ = [
+    "KINDS",
+    "Brake",
+    "Chirp",
+    "Constant",
+    "Cycle",
+    "Disturbance",
+    "Multisine",
+    "Noise",
+    "Sawtooth",
+    "Sine",
+    "Square",
+    "Step",
+    "Triangle",
+    "Window",
+]
 
 Mean = Annotated[NonNegative, unit("m/s", "mean speed, also the speed before the start")]
 Amplitude = Annotated[Finite, unit("m/s", "amplitude of the speed")]
@@ -260,7 +275,7 @@ class Noise(Disturbance):
 
     def motion(self, seed: int, duration: float) -> Motion:
         # two samples beyond the end keep the path the same when only the duration changes
-        count = int(math.ceil(duration / self.sample)) + 3
+        count = math.ceil(duration / self.sample) + 3
         stream = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
         decay = math.exp(-self.sample / self.correlation_time)
         kicks = math.sqrt(1.0 - decay * decay) * stream.standard_normal(count)
@@ -317,8 +332,7 @@ def section(time: np.ndarray, speed: np.ndarray, start: float, end: float, inter
 
 
 KINDS: dict[str, type[Disturbance]] = {
-    c.kind: c
-    for c in (Constant, Sine, Window, Step, Brake, Square, Sawtooth, Triangle, Multisine, Chirp, Noise, Cycle)
+    c.kind: c for c in (Constant, Sine, Window, Step, Brake, Square, Sawtooth, Triangle, Multisine, Chirp, Noise, Cycle)
 }
 
 

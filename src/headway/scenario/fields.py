@@ -128,6 +128,4 @@ def _sentence(error: ValidationError, cls: type, place: str) -> HeadwayError:
 
 def _required(cls: type) -> list[str]:
     missing = dataclasses.MISSING
-    return [
-        f.name for f in dataclasses.fields(cls) if f.default is missing and f.default_factory is missing
-    ]
+    return [f.name for f in dataclasses.fields(cls) if f.default is missing and f.default_factory is missing]

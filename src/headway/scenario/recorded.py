@@ -33,7 +33,9 @@ class Recorded(Disturbance):
     Between the samples the speed is a monotone cubic (`interpolation = "smooth"`) or linear.
     """
 
-    file: Annotated[str | None, unit("", "file of trajectories; a relative path starts at the scenario's folder")] = None
+    file: Annotated[str | None, unit("", "file of trajectories; a relative path starts at the scenario's folder")] = (
+        None
+    )
     vehicle: Annotated[int, unit("", "which vehicle of the file, 0 is its leader")] = 0
     start: Annotated[NonNegative, unit("s", "start of the section, from the beginning of the record")] = 0.0
     end: Annotated[Positive | None, unit("s", "end of the section; the end of the record if not given")] = None
@@ -82,9 +84,7 @@ class Recorded(Disturbance):
         if self.file is None:
             time, speed = np.array(self.time), np.array(self.speed)
         else:
-            time, speed = _from_file(
-                self.file, self.vehicle, self.format, self.columns, self.units, _stamp(self.file)
-            )
+            time, speed = _from_file(self.file, self.vehicle, self.format, self.columns, self.units, _stamp(self.file))
         time = time - time[0]
         end = time[-1] if self.end is None else self.end
         if not self.start < end <= time[-1]:
