@@ -53,7 +53,7 @@ def test_tables_are_regular_and_read_only(name):
     assert (cycle.speed >= 0).all()
     assert cycle.speed[0] == cycle.speed[-1] == 0
     assert np.abs(np.diff(cycle.speed)).max() < 4.0
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match="read-only"):
         cycle.speed[0] = 1.0
 
 

@@ -93,7 +93,7 @@ def test_coarser_steps_stay_within_the_oracles_tolerance(dt):
     import dataclasses
 
     for name in ("S_IDM0", "S_GMM150", "S_CACC15"):
-        peaks, speed, gap, tolerance = RUNS[name]
+        peaks, _, _, tolerance = RUNS[name]
         result = hw.simulate(dataclasses.replace(SCENARIOS[name], dt=dt))
         error = result.policy_error if "CACC" in name else result.spacing_error
         assert np.allclose(hw.metrics.peak(error).values[1:], peaks, rtol=0, atol=tolerance)

@@ -183,12 +183,8 @@ def cornered(s, v, dv, *, k: K = 0.2):
     return max(e, 0.5 * e) + 0.6 * dv
 
 
-def plain_python(x):
-    return x - 2.0
-
-
 def uncompilable(s, v, dv, *, k: K = 0.2):
-    return k * (plain_python(s) - 1.2 * v) + 0.6 * dv
+    return float(f"{k}") * (s - 2.0 - 1.2 * v) + 0.6 * dv
 
 
 def curved(s, v, dv, a, *, k: K = 0.2):
@@ -330,3 +326,19 @@ def test_helpers_may_stand_below_the_law(tmp_path):
     file.write_text(source.replace("SIGN", "-"))
     with pytest.raises(hw.HeadwayError, match="turn its sign round"):  # looked at again when the file has been read
         hw.load_laws(str(file))
+
+
+def half_gap(gap):
+    return 0.5 * doubled(gap) - 2.0
+
+
+def doubled(x):
+    return 2.0 * x
+
+
+def test_helpers_in_plain_python_are_compiled_too():
+    @hw.model
+    def helped(s, v, dv, *, k: K = 0.2):
+        return k * (half_gap(s) - 1.2 * v) + 0.6 * dv
+
+    assert all(c.passed for c in hw.check_model(helped) if c.required)

@@ -193,6 +193,15 @@ def test_initial_offsets_start_jumps_of_their_own():
     assert_agree(platoon(Constant(MEAN), followers, **offsets))
 
 
+def test_a_leader_that_starts_at_another_speed_than_the_platoon():
+    followers = [Vehicle(IDM(), delay=0.3717), Vehicle(CACC(), delay={"vl": 0.25, "al": 0.25}), Vehicle(IDM())]
+    scenario = platoon(Constant(MEAN), followers, initial_speed=MEAN + 2.0)
+    assert_agree(scenario)
+    first = simulate(scenario).sel(time=slice(0, 0.36))
+    # until its own delay has passed, a follower sees the gap and the speeds of the start
+    assert np.ptp(first.acceleration.values[1]) < 1e-12
+
+
 @pytest.mark.parametrize(
     "vehicle",
     [

@@ -252,8 +252,9 @@ def test_command_line(cli):
     code, out, _ = cli("stability", "idm", "--speed", "23", "--set", "T=1.5", "--delay", "s=0.5,dv=0.5", "--json")
     report = json.loads(out)
     assert code == 0
-    keys = {"model", "speed", "gap", "partials", "natural_frequency", "damping_ratio", "locally_stable", "rightmost_root",
-            "string_stable", "peak_gain", "peak_frequency", "long_wave", "critical_delay"}  # fmt: skip
+    keys = {"model", "speed", "gap", "partials", "natural_frequency", "damping_ratio", "locally_stable",
+            "rightmost_root", "string_stable", "peak_gain", "peak_frequency", "long_wave",
+            "critical_delay"}  # fmt: skip
     assert keys <= set(report)
     assert report["critical_delay"]["local"] == pytest.approx(4.02644593221, abs=1e-9)
     _, out, _ = cli("stability", "idm", "--speed", "23", "--delay", "1.5")

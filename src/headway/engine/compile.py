@@ -170,7 +170,7 @@ def address(
     """
     try:
         return _compiled(law, fixed, varying, implicit, chained).address
-    except numba.core.errors.NumbaError as error:
+    except (numba.core.errors.NumbaError, TypeError, ValueError, NotImplementedError, RecursionError) as error:
         if os.environ.get("HEADWAY_DEBUG"):
             raise
         reason = str(error).strip().splitlines()
@@ -219,7 +219,20 @@ def _positional(function: Any) -> types.FunctionType:
         raise HeadwayError(f"law {function!r} is not a plain Python function")
     code = plain.__code__
     code = code.replace(co_argcount=code.co_argcount + code.co_kwonlyargcount, co_kwonlyargcount=0)
-    return types.FunctionType(code, plain.__globals__, plain.__name__, None, plain.__closure__)
+    return types.FunctionType(code, _with_compiled_helpers(plain), plain.__name__, None, plain.__closure__)
+
+
+def _with_compiled_helpers(function: types.FunctionType) -> dict[str, Any]:
+    """The globals of a function, in which plain functions that it calls by name are compiled too."""
+    found = dict(function.__globals__)
+    for name in function.__code__.co_names:
+        helper = found.get(name)
+        if isinstance(helper, types.FunctionType) and not helper.__module__.startswith(("headway.models.", "numpy")):
+            inner = types.FunctionType(
+                helper.__code__, _with_compiled_helpers(helper), name, helper.__defaults__, helper.__closure__
+            )
+            found[name] = numba.njit(error_model="numpy", forceinline=True)(inner)
+    return found
 
 
 #: how many addresses a signal is made of, and how its value is made of them

@@ -29,8 +29,15 @@ def lead_exact(plan: Plan, nodes: Array, first: int, last: int) -> tuple[Array, 
         t = np.stack([end if AT[c] == 1.0 else start + AT[c] * (end - start) for c in positions], axis=-1)
         times = t - ago[:, None, None]
         found = np.stack(at_lanes(plan.motions, times.ravel(), side), axis=1).reshape(*times.shape, 3, -1)
+        # before 0 all signals are constant: positions moved alike, so that the gap was what it is at 0
+        found[..., 0, :] = np.where(times[..., None] < 0.0, _cruise(plan) * times[..., None], found[..., 0, :])
         lead[:, positions], late[:, :, positions] = found[0], found[1:]
     return lead, late
+
+
+def _cruise(plan: Plan) -> Array:
+    """Speed at which all positions moved before 0, one per motion."""
+    return plan.cruise[: len(plan.motions)]
 
 
 def lead_ballistic(plan: Plan, nodes: Array, first: int, last: int) -> tuple[Array, Array]:
@@ -48,7 +55,7 @@ def lead_ballistic(plan: Plan, nodes: Array, first: int, last: int) -> tuple[Arr
         i = np.clip(np.searchsorted(nodes, t + 2e-9, side="right") - 1, 0, last - 1)
         u, slope = (t - nodes[i])[:, None], (speed[i + 1] - speed[i]) / length[i]
         past = t[:, None] < 0.0
-        late[d, :, 0, 0] = np.where(past, before * t[:, None], position[i] + u * (speed[i] + 0.5 * u * slope))
+        late[d, :, 0, 0] = np.where(past, _cruise(plan) * t[:, None], position[i] + u * (speed[i] + 0.5 * u * slope))
         late[d, :, 0, 1] = np.where(past, before, speed[i] + u * slope)
         late[d, :, 0, 2] = np.where(past, 0.0, acceleration[i])
     return lead, late

@@ -104,10 +104,10 @@ class Lookup:
 
 
 def look_up(nodes: Array, first: int, last: int, delays: Array, before: float, extra: bool, ballistic: bool) -> Lookup:
-    """Look-ups of steps `first` … `last`-1 of a mesh for each of `delays` [s]; history begins `before` seconds before 0.
+    """Look-ups of steps `first` … `last`-1 for each of `delays` [s]; history begins `before` seconds before 0.
 
-    Row numbers count from the row of step `first`. On a node the start of a step takes the limit from the right, its end that from
-    the left.
+    Row numbers count from the row of step `first`. On a node the start of a step takes the limit from
+    the right, its end that from the left.
     """
     start, length = nodes[first:last], np.diff(nodes[first : last + 1])
     # only as much of the past as the longest delay reaches; `base` is the history row of its first node

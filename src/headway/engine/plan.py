@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine.breaking import Jumps, own_order, propagate
+from headway.engine.breaking import Jumps, merge, own_order, propagate
 from headway.engine.compile import address, structural
 from headway.engine.kernel import GROUP, SIGNAL_CODES, Platoon
 from headway.engine.mesh import Mesh, build_mesh
@@ -86,7 +86,8 @@ class Plan:
         """The plan of scenarios that share a `structure`."""
         first = scenarios[0]
         followers, lanes = len(first.followers), len(scenarios)
-        motions = [scenarios[0].motion] if len({s.leader for s in scenarios}) == 1 and _no_seed(first) else [
+        shared = len({(s.leader, s.cruise) for s in scenarios}) == 1 and first.leader.kind != "noise"
+        motions = [scenarios[0].motion] if shared else [
             s.motion for s in scenarios
         ]  # fmt: skip
         gaps = np.array([s.initial_gaps() for s in scenarios]).T
@@ -126,10 +127,6 @@ class Plan:
         )  # fmt: skip
 
 
-def _no_seed(scenario: Scenario) -> bool:
-    return scenario.leader.kind != "noise"
-
-
 def _jumps(scenario: Scenario, motion: Motion) -> Jumps:
     """Breaking points of the whole platoon, those of the initial state included."""
     time, order = motion.jumps(scenario.end)
@@ -138,14 +135,14 @@ def _jumps(scenario: Scenario, motion: Motion) -> Jumps:
         n: Jumps.of(0.0, own_order(vehicle, 1) if n in moved else 2)
         for n, vehicle in enumerate(scenario.followers, start=1)
     }
-    found = propagate(scenario.followers, Jumps.of(time, order), own, scenario.end)
-    return all_jumps(found)
+    leader = Jumps.of(time, order)
+    if scenario.cruise != motion.before:
+        leader = merge([leader, Jumps.of(0.0, 1)])  # before 0 positions moved at another speed than it drives
+    return all_jumps(propagate(scenario.followers, leader, own, scenario.end))
 
 
 def all_jumps(found: Sequence[Jumps]) -> Jumps:
     """The union over vehicles; a platoon of equal vehicles has few different sets."""
-    from headway.engine.breaking import merge
-
     unique = {(j.tick.tobytes(), j.order.tobytes()): j for j in found}
     return merge(list(unique.values()))
 

@@ -69,7 +69,7 @@ def simulate_reference(scenario: Scenario, times: ArrayLike) -> Reference:
     left). A vehicle that collides and all behind it are NaN from then on.
     """
     end, out = scenario.end, np.asarray(times, dtype=float)
-    leader = _leader(scenario.motion, end)
+    leader = _leader(scenario.motion, scenario.cruise, end)
     tracks, collisions, length, x = [leader], [math.nan], scenario.leader_length, 0.0
     for vehicle, gap, speed in zip(scenario.followers, scenario.initial_gaps(), scenario.initial_speeds(), strict=True):
         x -= gap + length
@@ -119,12 +119,14 @@ class _Track:
         return float(x), float(v), float(a)
 
 
-def _leader(motion: Motion, end: float) -> _Track:
+def _leader(motion: Motion, cruise: float, end: float) -> _Track:
     """The leader's exact motion; each knot of it is taken for a kink of some order."""
-    track = _Track(0.0, motion.before, motion.before)
+    track = _Track(0.0, cruise, motion.before)
     for t in motion.start[motion.start < end]:
         _, speed, acceleration = np.abs(np.subtract(motion.at(t), motion.at(t, "left")))
         track.kinks[float(t)] = 1 if speed > 1e-12 else (2 if acceleration > 1e-12 else 3)
+    if cruise != motion.before:
+        track.kinks[0.0] = 1  # its position has a corner there
     knots = [*sorted({0.0, *track.kinks}), end]
     for a, b in itertools.pairwise(knots):
         cuts = np.linspace(a, b, math.ceil((b - a) / _LONGEST) + 1)

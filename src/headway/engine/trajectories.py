@@ -68,7 +68,11 @@ def to_dataset(scenario: Scenario, result: Result) -> xr.Dataset:
             "scheme": scenario.scheme,
             "dt": scenario.dt or DEFAULT_DT,
             "headway_version": headway.__version__,
-            "citations": "\n".join(dict.fromkeys(f"{m.law.source}, doi:{m.law.doi}" for m in models if m.law.source)),
+            "citations": "\n".join(
+                dict.fromkeys(
+                    m.law.source + (f", doi:{m.law.doi}" if m.law.doi else "") for m in models if m.law.source
+                )
+            ),
         },
     )
     return describe(dataset)

@@ -45,11 +45,15 @@ def behind(
     if section.vehicles < 2:
         raise HeadwayError(f"{file}: has no followers to compare with")
     gaps, speeds = section.gap[1:, 0], section.speed[:, 0]
+    good = np.isfinite(record.gap[1:]).all(axis=0) & np.isfinite(record.speed).all(axis=0)
+    good &= np.nan_to_num(record.gap[1:]).min(axis=0) > 0
+    later = record.time[good & (record.time > start)]
+    hint = f"choose another start, e.g. {later[0]:g} s" if later.size else "it never has all of them"
     for n, (gap, speed) in enumerate(zip(gaps, speeds[1:], strict=True), start=1):
         if not (np.isfinite(gap) and np.isfinite(speed)):
-            raise HeadwayError(f"{file}: follower {n} has no gap or speed at {start:g} s; choose another start")
+            raise HeadwayError(f"{file}: follower {n} has no gap or speed at {start:g} s; {hint}")
         if gap <= 0:
-            raise HeadwayError(f"{file}: follower {n} has a gap of {gap:g} m at {start:g} s; choose another start")
+            raise HeadwayError(f"{file}: follower {n} has a gap of {gap:g} m at {start:g} s; {hint}")
     table = {k: options[k] for k in ("format", "columns", "units") if options.get(k)}
     leader = Recorded(file=str(file), start=start, end=last, **table)
     cruise = float(leader.motion(0, last - start).before)
