@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import cyclopts
 from cyclopts import App, Parameter
 
-from headway.cli import show
+from headway.cli import parse, show
 from headway.errors import HeadwayError, unknown_name
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def compare(
     from headway.scenario.vehicle import Vehicle
 
     law = load_laws(model)[0] if ".py" in model else find(model)
-    follower = Vehicle(law(**numbers(set_)), delay=delay, lag=lag)
+    follower = Vehicle(law(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=delay, lag=lag)
     scenario, section = behind(file, follower, start=start, end=end, reading=_reading(format, column, unit))
     with show.working("simulating"):
         results = simulate(scenario)
@@ -138,20 +138,6 @@ def compare(
         for n in errors.vehicle.values
     ]
     show.table(f"{law.name} in the place of the followers of {file}", ("vehicle", *columns.values()), rows)
-
-
-def numbers(assignments: list[str] | None) -> dict[str, float]:
-    """Parameters of texts such as T=1.2."""
-    values = {}
-    for text in assignments or []:
-        name, equals, value = text.partition("=")
-        try:
-            values[name.strip()] = float(value)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise HeadwayError(f"--set {text}: write parameter=number, e.g. T=1.2")
-    return values
 
 
 def _reading(form: str | None, columns: list[str] | None, units: list[str] | None) -> dict[str, Any]:

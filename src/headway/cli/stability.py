@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from headway.cli import show
+from headway.cli import parse, show
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
@@ -43,13 +43,14 @@ def stability(
         _scenario(subject, set_ or [], model or [], speed, gap, json)
         return
     from headway.analysis.linear import linearize
-    from headway.cli.data import numbers
     from headway.models.registry import find
     from headway.scenario.vehicle import Vehicle
 
     if speed is None:
         raise HeadwayError(f"stability of {subject} needs --speed, the speed of the platoon in m/s")
-    car = Vehicle(find(subject, laws)(**numbers(set_)), delay=_delay(delay), lag=lag)
+    car = Vehicle(
+        find(subject, laws)(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag
+    )
     linear = linearize(car, speed, gap)
     report = describe(linear)
     if json:
@@ -182,23 +183,6 @@ def _print(report: dict[str, Any]) -> None:
 
 def _seconds(value: float) -> str:
     return "none" if math.isinf(value) else f"{value:.6g} s"
-
-
-def _delay(text: str) -> float | dict[str, float]:
-    try:
-        return float(text)
-    except ValueError:
-        pass
-    pairs = {}
-    for part in text.split(","):
-        name, equals, value = part.partition("=")
-        try:
-            pairs[name.strip()] = float(value)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise HeadwayError(f"--delay {text}: write seconds, or signal=seconds pairs such as s=0.5,dv=0.5")
-    return pairs
 
 
 def _times(gain: float) -> str:

@@ -13,7 +13,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine import kernel
+from headway.engine import layout
 from headway.engine.breaking import Jumps, own_order, propagate
 from headway.engine.mesh import TWO_SIDED
 from headway.engine.plan import Plan, all_jumps
@@ -48,7 +48,7 @@ class RunAlone(Run):
             resting = bool(np.any(self.state.watch == 0.0) and not self._all_dead())
             last = min(self.made + (1 if resting else self.chunk), mesh.steps)
             self._ensure_ring(self.made, last)
-            self.made, self.out_row = self.advance(self.made, last, kernel.STOP_AT_EVENT, mesh.time)
+            self.made, self.out_row = self.advance(self.made, last, layout.STOP_AT_EVENT, mesh.time)
             if self.made < last and self.plan.hears_late_acceleration and not self.plan.extra:
                 # an event will put nodes off the grid: begin again with what that takes
                 return RunAlone(dataclasses.replace(self.plan, extra=True)).go()
@@ -107,7 +107,7 @@ class RunAlone(Run):
         """Measures after only a share of the step; nothing is committed."""
         k, nodes = self.made, self.mesh.time
         trial = np.append(nodes[: k + 1], nodes[k] + share * (nodes[k + 1] - nodes[k]))
-        self.advance(k, k + 1, kernel.TRIAL, trial)
+        self.advance(k, k + 1, layout.TRIAL, trial)
         return self._measures(k + 2, self.state.command[1])
 
     def _measures(self, row: int, command: Array) -> Array:
@@ -140,7 +140,7 @@ class RunAlone(Run):
         if nodes[k + 1] - time > 1e-9:
             self.mesh.insert(np.array([time]), np.array([False]))
         self._ensure_ring(k, k + 1)
-        self.made, self.out_row = self.advance(k, k + 1, kernel.IGNORE, self.mesh.time)
+        self.made, self.out_row = self.advance(k, k + 1, layout.IGNORE, self.mesh.time)
 
     def _happen(self, kind: int, vehicle: int) -> None:
         state, node = self.state, self.made
@@ -199,7 +199,7 @@ class RunAlone(Run):
         start, end = (self._measures(k + i, state.command[1])[_GAP] for i in (1, 2))
         share = np.where((end <= 0.0) & (state.watch != 0.0), np.maximum(start, 0.0) / (start - end), np.inf)
         vehicle = int(np.argmin(share))
-        self.made, self.out_row = self.advance(k, k + 1, kernel.IGNORE, self.mesh.time)
+        self.made, self.out_row = self.advance(k, k + 1, layout.IGNORE, self.mesh.time)
         nodes = self.mesh.time
         self._collide(vehicle, float(nodes[k] + share[vehicle] * (nodes[k + 1] - nodes[k])))
 

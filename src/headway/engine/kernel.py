@@ -14,12 +14,26 @@ acceleration jumps there. `advance_ballistic` is the field's usual scheme.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
 from numba import njit
 
 from headway.engine.compile import address_of, call_rate
+from headway.engine.layout import (
+    CHAINED,
+    COUNT,
+    FLAG_INSIDE,
+    FLAG_JUMP,
+    FLAG_RECORD,
+    IGNORE,
+    LAG,
+    LIMITS,
+    PURE,
+    ROW,
+    ROWS,
+    SERIAL,
+    SIGNAL0,
+    STOP_AT_EVENT,
+    TRIAL,
+)  # fmt: skip
 from headway.engine.loops import (
     any_closed,
     any_closed_or_reversing,
@@ -43,77 +57,10 @@ from headway.engine.loops import (
     weigh5,
 )  # fmt: skip
 
-__all__ = [
-    "FLAG_INSIDE", "FLAG_JUMP", "FLAG_RECORD", "GROUP", "IGNORE", "NOTE", "SIGNAL_CODES", "STOP_AT_EVENT", "TRIAL",
-    "Platoon", "State", "Steps", "advance", "advance_ballistic",
-]  # fmt: skip
-
-#: columns of the table of groups (consecutive vehicles with one law and one channel)
-GROUP = {
-    name: i
-    for i, name in enumerate(
-        ("row", "rows", "count", "lag", "limits", "serial", "chained", "pure", *(f"signal{i}" for i in range(8)))
-    )
-}
-SIGNAL_CODES = {name: i for i, name in enumerate(("s", "v", "dv", "a", "vl", "al", "v0l", "a0l"))}
-
-#: per step: it starts at a jump; a look-up falls inside it; its start is recorded
-FLAG_JUMP, FLAG_INSIDE, FLAG_RECORD = 1, 2, 4
-
-#: what to do about events: nothing; return at the first; return after every step without counting it; note them
-IGNORE, STOP_AT_EVENT, TRIAL, NOTE = range(4)
+__all__ = ["advance", "advance_ballistic"]
 
 #: how often a step is made when a delay is shorter than it; each pass gains an order
 PASSES = 5
-
-_ROW, _ROWS, _COUNT, _LAG, _LIMITS, _SERIAL, _CHAINED, _PURE, _SIGNAL0 = range(9)
-
-
-class Platoon(NamedTuple):
-    """What does not change during a run. M = followers × lanes, elements in the order [vehicle][lane]."""
-
-    groups: np.ndarray  # (G, 16) whole numbers, columns GROUP
-    slots: np.ndarray  # (G, 8, 2) delay slot of each signal (of both halves of dv), -1 = current
-    addresses: np.ndarray  # (G, 2) compiled loops: plain, chained
-    parameters: np.ndarray  # (parameters, M)
-    length: np.ndarray  # (M,) length of the vehicle ahead [m]
-    lag: np.ndarray  # (M,) [s]
-    limits: np.ndarray  # (2, M) least and largest command [m/s²]
-    needs: np.ndarray  # (S, 3) whether a slot is asked for positions, speeds, accelerations
-    span: np.ndarray  # (S, 2) rows that a slot is asked for
-
-
-class Steps(NamedTuple):
-    """The steps of a chunk: their lengths, the leader, and how to read the past. c = position of `mesh.AT`."""
-
-    step: np.ndarray  # (n,) [s]
-    flags: np.ndarray  # (n,)
-    lead: np.ndarray  # (n, c, 3, 1 or lanes) position, speed, acceleration of the leader
-    delayed_lead: np.ndarray  # (S, n, c, 3, 1 or lanes) the same, late by each slot's delay
-    row: np.ndarray  # (S, n, c) history row, counted from the row of the chunk's first step
-    motion: np.ndarray  # (S, n, c, 4)
-    speed: np.ndarray  # (S, n, c, 4)
-    acceleration: np.ndarray  # (S, n, c, 5)
-    node: np.ndarray  # (S, n, c) 1 where the look-up is a node of the past, 2 where the next one, else 0
-
-
-class State(NamedTuple):
-    """What a run carries from step to step."""
-
-    ring: np.ndarray  # (5, R, (N+1) lanes): position, speed, acceleration (right limit, where two), (left), extra point
-    two: np.ndarray  # (R,) 1 where the acceleration of a node has two limits; else only the left one is kept
-    K: np.ndarray  # (6, (N+1) lanes) accelerations of the stages
-    J: np.ndarray  # (6, M) rates of change of accelerations behind a lag; rows 0 and 4 of the start and the end
-    actual: np.ndarray  # ((N+1) lanes,) accelerations at the start of a step, which are states behind a lag
-    stage: np.ndarray  # (2, (N+1) lanes) positions and speeds of a stage
-    leader: np.ndarray  # (8, M) what is heard of the platoon leader, for every follower
-    looked: np.ndarray  # (S, 2, 3, (N+1) lanes) what was read of the past
-    command: np.ndarray  # (3, M) what laws asked for at the start and the end of a step, and a spare row
-    sources: np.ndarray  # (8, 3) addresses of what each signal is made of
-    go: np.ndarray  # (M,) 0 where a vehicle stands
-    watch: np.ndarray  # (M,) 0 where events are ignored
-    happened: np.ndarray  # (M,) 1 where an event was noted
-
 
 _kernel = njit(error_model="numpy", nogil=True, cache=True, _nrt=False)
 
@@ -157,10 +104,10 @@ def _aim(g, k, c, row0, platoon, steps, state, buffer, X, V, A, B):
     In X, V, A and in the past the vehicle ahead of the group's first stands at element a, the first itself at a + B.
     """
     groups, slots, sources = platoon.groups, platoon.slots, state.sources
-    rows = groups[g, _ROWS]
-    a = groups[g, _ROW] * B
-    for i in range(groups[g, _COUNT]):
-        code = groups[g, _SIGNAL0 + i]
+    rows = groups[g, ROWS]
+    a = groups[g, ROW] * B
+    for i in range(groups[g, COUNT]):
+        code = groups[g, SIGNAL0 + i]
         p, q = slots[g, i, 0], slots[g, i, 1]
         quantity = 0 if code == 0 else (2 if code == 3 or code == 5 or code == 7 else 1)
         now = X if quantity == 0 else (V if quantity == 1 else A)
@@ -199,15 +146,15 @@ def _evaluate(k, c, row0, platoon, steps, state, buffer, only_current, X, V, A, 
     groups, par = platoon.groups, platoon.parameters
     sources, stride = address_of(state.sources, 0), par.shape[1]
     for g in range(groups.shape[0]):
-        if only_current and groups[g, _PURE]:
+        if only_current and groups[g, PURE]:
             continue
-        row, rows, lagged, limited = groups[g, _ROW], groups[g, _ROWS], groups[g, _LAG], groups[g, _LIMITS]
+        row, rows, lagged, limited = groups[g, ROW], groups[g, ROWS], groups[g, LAG], groups[g, LIMITS]
         _aim(g, k, c, row0, platoon, steps, state, buffer, X, V, A, B)
         a = row * B
-        if groups[g, _CHAINED] and not stops:
+        if groups[g, CHAINED] and not stops:
             call_rate(platoon.addresses[g, 1], sources, address_of(par, a), address_of(A, a), rows * B, 0, stride, B)
             continue
-        pieces = rows if groups[g, _SERIAL] else 1
+        pieces = rows if groups[g, SERIAL] else 1
         size = rows // pieces * B
         for piece in range(pieces):
             a = row * B + piece * size
@@ -231,20 +178,20 @@ def _evaluate(k, c, row0, platoon, steps, state, buffer, only_current, X, V, A, 
 def _lagged_or_pure(out, start, rate, c, before, groups, B):
     """Accelerations that are no law's immediate answer: behind a lag `start + c rate`; of the past only, as before."""
     for g in range(groups.shape[0]):
-        a = groups[g, _ROW] * B
-        b = a + groups[g, _ROWS] * B
-        if groups[g, _LAG]:
+        a = groups[g, ROW] * B
+        b = a + groups[g, ROWS] * B
+        if groups[g, LAG]:
             scale_add(out[a:b], start[a:b], rate[a:b], c)
-        elif groups[g, _PURE]:
+        elif groups[g, PURE]:
             copy(out[a:b], before[a:b])
 
 
 @fast
 def _end_lagged(out, start, J, h, groups, B):
     for g in range(groups.shape[0]):
-        if groups[g, _LAG]:
-            a = groups[g, _ROW] * B
-            b = a + groups[g, _ROWS] * B
+        if groups[g, LAG]:
+            a = groups[g, ROW] * B
+            b = a + groups[g, ROWS] * B
             step_state(out[a:b], start[a:b], J[0, a:b], J[1, a:b], J[2, a:b], J[3, a:b], h)
 
 
@@ -254,6 +201,15 @@ def _lead(X, V, A, steps, k, c, B):
     spread(X[:B], steps.lead[k, c, 0])
     spread(V[:B], steps.lead[k, c, 1])
     spread(A[:B], steps.lead[k, c, 2])
+
+
+@fast
+def _record(out, row, x, v, a):
+    """Keep a state; the next row."""
+    copy(out[0, row], x)
+    copy(out[1, row], v)
+    copy(out[2, row], a)
+    return row + 1
 
 
 @_kernel
@@ -275,9 +231,9 @@ def advance(first, last, row0, detect, stops, extra, platoon, steps, state, out,
     slots = platoon.span.shape[0]
     pure, lagged, full = True, False, stops
     for g in range(groups.shape[0]):
-        pure = pure and groups[g, _PURE] != 0
-        lagged = lagged or groups[g, _LAG] != 0
-        full = full or groups[g, _LIMITS] != 0
+        pure = pure and groups[g, PURE] != 0
+        lagged = lagged or groups[g, LAG] != 0
+        full = full or groups[g, LIMITS] != 0
     final = 5 if extra else 4
     for k in range(first, last):
         h = steps.step[k]
@@ -355,10 +311,7 @@ def advance(first, last, row0, detect, stops, extra, platoon, steps, state, out,
             if happened and detect == STOP_AT_EVENT:
                 return k, out_row
         if steps.flags[k] & FLAG_RECORD:
-            copy(out[0, out_row], x)
-            copy(out[1, out_row], v)
-            copy(out[2, out_row], start)
-            out_row += 1
+            out_row = _record(out, out_row, x, v, start)
         if lagged:
             copy(state.actual, end)
             copy(J[0], J[4])
@@ -379,7 +332,7 @@ def advance_ballistic(first, last, row0, detect, platoon, steps, state, out, out
     slots = platoon.span.shape[0]
     lagged = False
     for g in range(groups.shape[0]):
-        lagged = lagged or groups[g, _LAG] != 0
+        lagged = lagged or groups[g, LAG] != 0
     for k in range(first, last):
         h = steps.step[k]
         here, there = (row0 + k) % R, (row0 + k + 1) % R
@@ -401,10 +354,7 @@ def advance_ballistic(first, last, row0, detect, platoon, steps, state, out, out
             if happened and detect == STOP_AT_EVENT:
                 return k, out_row
         if steps.flags[k] & FLAG_RECORD:
-            copy(out[0, out_row], x)
-            copy(out[1, out_row], v)
-            copy(out[2, out_row], start)
-            out_row += 1
+            out_row = _record(out, out_row, x, v, start)
         if lagged:
             copy(state.actual, start)
             _lagged_or_pure(state.actual[own], start[own], J[0], h, start[own], groups, B)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from headway.engine.breaking import Jumps, merge, own_order, propagate
 from headway.engine.compile import address, structural
-from headway.engine.kernel import GROUP, SIGNAL_CODES, Platoon
+from headway.engine.layout import GROUP, SIGNAL_CODES, Platoon
 from headway.engine.mesh import Mesh, build_mesh
 from headway.models import Law
 from headway.scenario.motion import Motion

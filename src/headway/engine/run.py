@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine import kernel
+from headway.engine import kernel, layout
 from headway.engine.leading import lead_ballistic, lead_exact
 from headway.engine.mesh import Lookup, look_up
 from headway.engine.plan import Plan
@@ -52,7 +52,7 @@ class Run:
         """Integrate to the end."""
         while self.made < self.mesh.steps:
             last = min(self.made + self.chunk, self.mesh.steps)
-            self.made, self.out_row = self.advance(self.made, last, kernel.NOTE, self.mesh.time)
+            self.made, self.out_row = self.advance(self.made, last, layout.NOTE, self.mesh.time)
         return self.result()
 
     def result(self) -> Result:
@@ -79,17 +79,17 @@ class Run:
             )  # fmt: skip
         return first + done, out_row
 
-    def _steps(self, first: int, last: int, nodes: Array) -> kernel.Steps:
+    def _steps(self, first: int, last: int, nodes: Array) -> layout.Steps:
         mesh, plan = self.mesh, self.plan
         look = look_up(nodes, first, last, plan.delays, self.before, plan.extra, self.ballistic)
         flags = np.zeros(last - first, dtype=np.int64)
-        flags[mesh.jump[first:last]] |= kernel.FLAG_JUMP
-        flags[mesh.record[first:last]] |= kernel.FLAG_RECORD
-        flags[look.inside] |= kernel.FLAG_INSIDE
+        flags[mesh.jump[first:last]] |= layout.FLAG_JUMP
+        flags[mesh.record[first:last]] |= layout.FLAG_RECORD
+        flags[look.inside] |= layout.FLAG_INSIDE
         if first == 0:
-            flags[0] |= kernel.FLAG_JUMP
+            flags[0] |= layout.FLAG_JUMP
         lead, late = (lead_ballistic if self.ballistic else lead_exact)(plan, nodes, first, last)
-        return kernel.Steps(
+        return layout.Steps(
             np.diff(nodes[first : last + 1]), flags, lead, late, look.row, look.motion, look.speed, look.acceleration,
             self._nodes(look, first),
         )  # fmt: skip
@@ -106,14 +106,14 @@ class Run:
             node[look.row + node - 1 > np.arange(look.row.shape[1])[None, :, None]] = 0
         return node
 
-    def _initial_state(self, ring_size: int) -> kernel.State:
+    def _initial_state(self, ring_size: int) -> layout.State:
         p, elements = self.plan, self.rows * self.lanes
         followers = elements - self.lanes
         ring = np.zeros((5, ring_size, elements))
         # history row 0 stands `before` seconds back: positions moved at the common speed, speeds were as now
         ring[0, 0] = (p.x - self.before * p.cruise).ravel()
         ring[0, 1], ring[1, 0], ring[1, 1] = p.x.ravel(), p.v.ravel(), p.v.ravel()
-        return kernel.State(
+        return layout.State(
             ring=ring,
             two=np.zeros(ring_size, dtype=np.int64),
             K=np.zeros((6, elements)),
