@@ -47,6 +47,7 @@ from headway.engine.loops import (
     finish,
     scale_add,
     scale_add2,
+    seldom,
     spread,
     stage,
     step_state,
@@ -174,7 +175,7 @@ def _evaluate(k, c, row0, platoon, steps, state, buffer, only_current, X, V, A, 
                 times(out, state.go[a:b])
 
 
-@fast
+@seldom
 def _lagged_or_pure(out, start, rate, c, before, groups, B):
     """Accelerations that are no law's immediate answer: behind a lag `start + c rate`; of the past only, as before."""
     for g in range(groups.shape[0]):
@@ -186,7 +187,7 @@ def _lagged_or_pure(out, start, rate, c, before, groups, B):
             copy(out[a:b], before[a:b])
 
 
-@fast
+@seldom
 def _end_lagged(out, start, J, h, groups, B):
     for g in range(groups.shape[0]):
         if groups[g, LAG]:
@@ -203,7 +204,7 @@ def _lead(X, V, A, steps, k, c, B):
     spread(A[:B], steps.lead[k, c, 2])
 
 
-@fast
+@seldom
 def _record(out, row, x, v, a):
     """Keep a state; the next row."""
     copy(out[0, row], x)

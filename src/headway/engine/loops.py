@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from numba import njit
 
-#: inside the kernel nothing is allocated, so nothing needs counting of references (which costs half the time)
-#: (and a call would hand over seven words an array, hundreds for a Platoon or a State: all is put in place)
-fast = njit(
-    error_model="numpy", nogil=True, forceinline=True, _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True
-)
+# Inside the kernel nothing is allocated, so no references need to be counted (which took half the time); and all
+# is put in place, as a call would hand over seven words for an array and hundreds for a Platoon or a State.
+_alone = {"error_model": "numpy", "nogil": True, "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+fast = njit(forceinline=True, **_alone)
+
+#: for what few platoons need, or few steps: a call less matters less than a second less of compiling
+seldom = njit(**_alone)
 
 
-@fast
+@seldom
 def scale_add(out, x, y, c):
     for i in range(out.size):
         out[i] = x[i] + c * y[i]
 
 
-@fast
+@seldom
 def scale_add2(out, x, y, c, z, d):
     for i in range(out.size):
         out[i] = x[i] + c * y[i] + d * z[i]
@@ -30,14 +32,14 @@ def weigh4(out, a, b, c, d, w):
         out[i] = w0 * a[i] + w1 * b[i] + w2 * c[i] + w3 * d[i]
 
 
-@fast
+@seldom
 def weigh5(out, a, b, c, d, e, w):
     w0, w1, w2, w3, w4 = w[0], w[1], w[2], w[3], w[4]
     for i in range(out.size):
         out[i] = w0 * a[i] + w1 * b[i] + w2 * c[i] + w3 * d[i] + w4 * e[i]
 
 
-@fast
+@seldom
 def clip(out, low, high):
     for i in range(out.size):
         u = out[i]
@@ -45,13 +47,13 @@ def clip(out, low, high):
         out[i] = high[i] if u > high[i] else u
 
 
-@fast
+@seldom
 def times(out, factor):
     for i in range(out.size):
         out[i] *= factor[i]
 
 
-@fast
+@seldom
 def toward(out, command, actual, lag):
     for i in range(out.size):
         out[i] = (command[i] - actual[i]) / lag[i]
@@ -85,7 +87,7 @@ def ballistic_step(xn, vn, x, v, a, h):
     return found != 0
 
 
-@fast
+@seldom
 def ballistic_stops(xn, vn, x, v, a):
     """A vehicle that would reverse stops within the step, after v²/(2|a|)."""
     for i in range(xn.size):
@@ -94,7 +96,7 @@ def ballistic_stops(xn, vn, x, v, a):
             vn[i] = 0.0
 
 
-@fast
+@seldom
 def third(out, a, b, slope_a, slope_b, h):
     """Hermite cubic one third into the step."""
     for i in range(out.size):
@@ -119,7 +121,7 @@ def finish(xn, vn, x, v, k1, k2, k3, k4, h):
         vn[i] = v[i] + sixth * (k1[i] + 2.0 * middle + k4[i])
 
 
-@fast
+@seldom
 def step_state(out, start, j1, j2, j3, j4, h):
     """The same step for a state whose rates of change are j1 … j4."""
     sixth = h / 6.0
@@ -136,7 +138,7 @@ def any_closed_or_reversing(ahead, own, speed, length):
     return found != 0
 
 
-@fast
+@seldom
 def changed_sides(start, end, low, high, go, speed, ahead, own, length, watch, happened):
     """Whether a gap closed, a speed turned negative, a standing vehicle is asked to go, or a command crossed a limit.
 
@@ -163,7 +165,7 @@ def any_closed(ahead, own, length):
     return found != 0
 
 
-@fast
+@seldom
 def closed(ahead, own, length, watch, happened):
     """Whether a gap closed, of elements with `watch`; noted."""
     found = 0
