@@ -17,7 +17,7 @@ import numpy as np
 from headway.engine.events import RunAlone
 from headway.engine.plan import Plan
 from headway.engine.run import Result, Run
-from headway.engine.simulate import simulate_many
+from headway.engine.simulate import lanes_per_block, simulate_many
 from headway.models import Law, Model
 from headway.models.registry import BUILT_IN
 from headway.scenario.disturbance import Sine
@@ -120,9 +120,7 @@ class _Alone(_Watch, RunAlone):
 
 def plans(scenarios: list[Scenario]) -> list[Plan]:
     """Plans of the blocks that `simulate_many` would cut."""
-    from headway.engine import simulate
-
-    size = max(1, simulate._ELEMENTS // len(scenarios[0].followers))
+    size = lanes_per_block(scenarios[0])
     return [Plan.of(scenarios[i : i + size]) for i in range(0, len(scenarios), size)]
 
 

@@ -22,8 +22,9 @@ __all__ = ["simulate", "simulate_many", "solve"]
 
 Array = NDArray[np.float64]
 
-#: lanes in one batch are cut so that its stage arrays (followers × lanes) stay in the caches
-_ELEMENTS = 1280
+#: followers × lanes of one block of a batch: so many that a step's fixed cost does not show, so few that
+#: its arrays stay in the caches (a ballistic step does little beside passing over them)
+_ELEMENTS = {"rk4": 1280, "ballistic": 384}
 
 
 def simulate(scenario: Scenario) -> xr.Dataset:
@@ -49,11 +50,16 @@ def simulate_many(scenarios: Sequence[Scenario]) -> list[xr.Dataset]:
         groups.setdefault(structure(scenario), []).append(i)
     results: dict[int, Result] = {}
     for members in groups.values():
-        size = max(1, _ELEMENTS // len(scenarios[members[0]].followers))
+        size = lanes_per_block(scenarios[members[0]])
         for at in range(0, len(members), size):
             block = members[at : at + size]
             results.update(zip(block, _block([scenarios[i] for i in block]), strict=True))
     return [to_dataset(s, results[i]) for i, s in enumerate(scenarios)]
+
+
+def lanes_per_block(scenario: Scenario) -> int:
+    """How many lanes of this structure are integrated side by side."""
+    return max(1, _ELEMENTS[scenario.scheme] // len(scenario.followers))
 
 
 def _block(scenarios: Sequence[Scenario]) -> list[Result]:
