@@ -68,7 +68,8 @@ def _block(scenarios: Sequence[Scenario]) -> list[Result]:
     batch = Run(Plan.of(scenarios)).go()
     bad = batch.disturbed | ~np.isfinite(batch.motion).all(axis=(0, 1, 2))
     return [
-        solve(s) if bad[b] else batch._replace(motion=batch.motion[..., b : b + 1]) for b, s in enumerate(scenarios)
+        solve(s) if bad[b] else batch._replace(motion=np.ascontiguousarray(batch.motion[..., b : b + 1]))
+        for b, s in enumerate(scenarios)
     ]
 
 

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 def variables(scenario: Scenario, result: Result) -> dict[str, Array]:
     """All variables of the schema that depend on (vehicle, time), as plain arrays in SI units."""
-    x, v, a = (np.ascontiguousarray(q[..., 0].T) for q in result.motion)
+    x, v, a = (q[..., 0].T for q in result.motion)  # views: a long platoon's results are kept once
     length = lengths(scenario)
     gap, relative, policy = (np.full_like(x, np.nan) for _ in range(3))
     gap[1:] = x[:-1] - length[:-1, None] - x[1:]
