@@ -25,7 +25,7 @@ from headway.analysis import stability
 from headway.analysis.quasipolynomial import QuasiPolynomial
 from headway.analysis.roots import Roots, rightmost
 from headway.errors import HeadwayError, unknown_name
-from headway.models import RADIO, Model
+from headway.models import Model
 from headway.scenario.vehicle import Vehicle
 
 __all__ = ["Linear", "head_to_tail", "linearize"]
@@ -248,12 +248,7 @@ class Linear:
 
         All other parameters, the delays and the speed stay; the equilibrium gap follows.
         """
-        return stability.critical_parameter(self, parameter)
-
-    @property
-    def hears(self) -> tuple[str, ...]:
-        """Signals of the law that come by radio."""
-        return tuple(n for n in self.vehicle.model.law.signals if n in RADIO)
+        return _critical_parameter(self, parameter)
 
 
 def head_to_tail(
@@ -267,3 +262,42 @@ def head_to_tail(
             known[vehicle] = linearize(vehicle, speed, gap)
         linears.append(known[vehicle])
     return stability.Chain(tuple(linears))
+
+
+def _critical_parameter(linear: Linear, parameter: str) -> float:
+    """See `Linear.critical`."""
+    from scipy.optimize import brentq
+
+    vehicle, model = linear.vehicle, linear.vehicle.model
+    if parameter not in model.law.parameters:
+        raise unknown_name(f"parameter of {model.name}", parameter, model.law.parameters)
+    # a law that reacts neither to the gap nor to its own speed alone rests at every gap: then the gap stays
+    fixed_gap = linear.gap if not linear.partials.get("s") and not linear.partials.get("v") else None
+
+    def least(value: float) -> float:
+        try:
+            other = linearize(
+                dataclasses.replace(vehicle, model=model.replace(**{parameter: value})), linear.speed, fixed_gap
+            )
+        except HeadwayError:
+            return math.nan
+        return min(other.margin, other.decay_rate)
+
+    info, now = model.law.parameters[parameter].info, model.parameters[parameter]
+    low, high = max(info.low, -1e3), min(info.high, 1e3)
+    values = np.unique(np.append(np.linspace(low, high, 200), now))
+    if high > 0:
+        values = np.union1d(values, np.geomspace(max(low, 1e-3 * high), high, 100))
+    verdicts = np.array([least(float(v)) for v in values])
+    here = int(np.searchsorted(values, now))
+    candidates = []
+    for step in (1, -1):
+        i = here
+        while 0 <= i + step < values.size:
+            a, b = verdicts[i], verdicts[i + step]
+            if np.isfinite(a) and np.isfinite(b) and (a < 0) != (b < 0):
+                lo, hi = sorted((float(values[i]), float(values[i + step])))
+                candidates.append(float(brentq(least, lo, hi, xtol=1e-12)))
+                break
+            i += step
+    return min(candidates, key=lambda v: abs(v - now), default=math.nan)

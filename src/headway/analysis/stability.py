@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.analysis.quasipolynomial import QuasiPolynomial
-from headway.errors import HeadwayError, unknown_name
 
 if TYPE_CHECKING:
     from headway.analysis.linear import Linear
 
 __all__ = [
-    "TOLERANCE", "Chain", "Peak", "critical_parameter", "critical_scale", "long_wave", "margin", "peak",
+    "TOLERANCE", "Chain", "Peak", "critical_scale", "long_wave", "margin", "peak",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -242,55 +241,6 @@ def _crossing(characteristic: QuasiPolynomial) -> float:
     crossings = roots[(np.abs(roots.imag) < 1e-9 * (1.0 + np.abs(roots))) & (roots.real > 1e-12)].real
     delays = [float(np.angle(-np.polyval(late, 1j * w) / np.polyval(now, 1j * w)) % (2 * np.pi)) / w for w in crossings]
     return min(delays, default=math.inf)
-
-
-def critical_parameter(linear: Linear, parameter: str) -> float:
-    """See `Linear.critical`."""
-    from scipy.optimize import brentq
-
-    from headway.analysis.linear import linearize
-
-    vehicle, model = linear.vehicle, linear.vehicle.model
-    if parameter not in model.law.parameters:
-        raise unknown_name(f"parameter of {model.name}", parameter, model.law.parameters)
-    fixed_gap = linear.gap if "every gap" in _gap_trouble(linear) else None
-    import dataclasses
-
-    def least(value: float) -> float:
-        try:
-            other = linearize(
-                dataclasses.replace(vehicle, model=model.replace(**{parameter: value})), linear.speed, fixed_gap
-            )
-        except HeadwayError:
-            return math.nan
-        return min(other.margin, other.decay_rate)
-
-    info, now = model.law.parameters[parameter].info, model.parameters[parameter]
-    low, high = max(info.low, -1e3), min(info.high, 1e3)
-    values = np.unique(
-        np.concatenate((np.linspace(low, high, 200), np.geomspace(max(low, 1e-3 * high), high, 100), [now]))
-    )
-    verdicts = np.array([least(float(v)) for v in values])
-    here = int(np.searchsorted(values, now))
-    candidates = []
-    for step in (1, -1):
-        i = here
-        while 0 <= i + step < values.size:
-            a, b = verdicts[i], verdicts[i + step]
-            if np.isfinite(a) and np.isfinite(b) and (a < 0) != (b < 0):
-                lo, hi = sorted((float(values[i]), float(values[i + step])))
-                candidates.append(float(brentq(least, lo, hi, xtol=1e-12)))
-                break
-            i += step
-    return min(candidates, key=lambda v: abs(v - now), default=math.nan)
-
-
-def _gap_trouble(linear: Linear) -> str:
-    try:
-        linear.vehicle.model.equilibrium_gap(linear.speed)
-    except HeadwayError as error:
-        return str(error)
-    return ""
 
 
 # -- whole strings ---------------------------------------------------------------------------------

@@ -171,8 +171,6 @@ def address(
     try:
         return _compiled(law, fixed, varying, implicit, chained).address
     except (numba.core.errors.NumbaError, TypeError, ValueError, NotImplementedError, RecursionError) as error:
-        if os.environ.get("HEADWAY_DEBUG"):
-            raise
         reason = str(error).strip().splitlines()
         line = next((r.strip() for r in reason if r.strip() and "Failed in" not in r), "unknown reason")
         raise HeadwayError(
