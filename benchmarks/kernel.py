@@ -105,7 +105,7 @@ class _Watch:
 
     def _steps(self, *arguments: Any) -> Any:
         begin = time.perf_counter()
-        steps = super()._steps(*arguments)  # type: ignore[misc]
+        steps = super()._steps(*arguments)  # type: ignore[misc]  # of the Run that it is mixed into
         self.preparing += time.perf_counter() - begin
         return steps
 

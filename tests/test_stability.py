@@ -45,6 +45,7 @@ ORACLES = {
     "OVM15": (
         lambda: linear(OVM(alpha=1), OVM(alpha=1).equilibrium_speed(8.0)).critical_delay("string"), 1.48989083462, 2e-9,
     ),
+    "OVM09": (lambda: linear(OVM(alpha=3), 0.748484012664).long_wave, 0.0, 1e-6),  # the lower boundary speed
     "CACC02": (lambda: linear(CACC, delay=RADIO_LATE).critical_delay("string"), 1.5125, 1e-9),
     "CACC03_0.15": (lambda: linear(CACC, delay={"vl": 0.15, "al": 0.15}).gain(0.63), 0.626108800295, 1e-11),
     "CACC04_0": (lambda: abs(policy_error_response(0.0)) * 2, 0.746031979923, 1e-9),

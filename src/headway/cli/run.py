@@ -119,7 +119,7 @@ def _import_numba_without_blas() -> None:
     """
     if "scipy.linalg" in sys.modules:
         return
-    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # the documented way to hide one
     try:
         import numba.np.arraymath  # noqa: F401  imported for what it looks for
     finally:

@@ -55,21 +55,11 @@ def _power(x, n):
     return lambda x, n: scalar(x, n)
 
 
-def _tanh_compiled(x):
-    x = 20.0 if x > 20.0 else (-20.0 if x < -20.0 else x)
-    y = x * 0.03125
-    q = y * y
-    t = y * (10395.0 + q * (1260.0 + q * 21.0)) / (10395.0 + q * (4725.0 + q * (210.0 + q)))
-    t = 2.0 * t / (1.0 + t * t)
-    t = 2.0 * t / (1.0 + t * t)
-    t = 2.0 * t / (1.0 + t * t)
-    t = 2.0 * t / (1.0 + t * t)
-    return 2.0 * t / (1.0 + t * t)
-
-
 @overload(maths.tanh, jit_options={"forceinline": True})
 def _tanh(x):
-    return _tanh_compiled
+    within = numba.njit(error_model="numpy", forceinline=True)(maths.tanh_within)
+    # cut off by comparisons, which become vector instructions
+    return lambda x: within(20.0 if x > 20.0 else (-20.0 if x < -20.0 else x))
 
 
 @intrinsic

@@ -309,5 +309,5 @@ def _terminal(g: Callable[[float, Array], float], direction: float) -> Callable[
     def event(time: float, y: Array) -> float:
         return g(time, y)
 
-    event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
+    event.terminal, event.direction = True, direction  # type: ignore[attr-defined]  # how scipy is told
     return event

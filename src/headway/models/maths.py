@@ -33,13 +33,13 @@ def minimum(a: Any, b: Any) -> Any:
     return np.minimum(a, b)
 
 
-def tanh_rational(x: Any) -> Any:
-    """tanh by a rational approximation of tanh(x/32) and five argument doublings, error below 4e-16.
+def tanh_within(x: Any) -> Any:
+    """tanh for |x| <= 20 by a rational approximation of tanh(x/32) and five argument doublings, error below 4e-16.
 
     Plain arithmetic and hence the same bits on every machine; it vectorises, which a call of the C
-    library does not.
+    library does not. `headway.engine.compile` compiles this same function.
     """
-    y = np.minimum(np.maximum(x, -20.0), 20.0) * 0.03125
+    y = x * 0.03125
     q = y * y
     t = y * (10395.0 + q * (1260.0 + q * 21.0)) / (10395.0 + q * (4725.0 + q * (210.0 + q)))
     t = 2.0 * t / (1.0 + t * t)
@@ -51,7 +51,7 @@ def tanh_rational(x: Any) -> Any:
 
 def tanh(x: Any) -> Any:
     """Hyperbolic tangent."""
-    return np.tanh(x) if isinstance(x, Dual) else tanh_rational(x)
+    return np.tanh(x) if isinstance(x, Dual) else tanh_within(np.minimum(np.maximum(x, -20.0), 20.0))
 
 
 def power_scalar(x: Any, n: float) -> Any:

@@ -76,7 +76,7 @@ def build(cls: type[T], table: Mapping[str, Any], place: str) -> T:
         if key not in field_names(cls):
             raise unknown_name(f"key in {place}", key, field_names(cls))
     try:
-        return cls.__pydantic_validator__.validate_python(dict(table))  # type: ignore[attr-defined]
+        return cls.__pydantic_validator__.validate_python(dict(table))  # type: ignore[attr-defined]  # `spec` put it there
     except ValidationError as error:
         raise _sentence(error, cls, place) from None
 

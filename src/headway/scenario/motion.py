@@ -154,7 +154,7 @@ def at_lanes(motions: Sequence[Motion], time: Array, side: Side = "right") -> tu
     first = motions[0]
     if len(motions) == 1 or any(not np.array_equal(m.start, first.start) for m in motions[1:]):
         parts = [m.at(time, side) for m in motions]
-        return tuple(np.stack([p[q] for p in parts], axis=-1) for q in range(3))  # type: ignore[return-value]
+        return tuple(np.stack([p[q] for p in parts], axis=-1) for q in range(3))  # type: ignore[return-value]  # three
     # pieces of all motions side by side make one motion whose pieces are looked up per lane
     count = first.start.size
     most = max(m.harmonics.shape[1] for m in motions)

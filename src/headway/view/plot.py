@@ -180,7 +180,7 @@ def _one(dataset: xr.Dataset, name: str, ax: Axes | None) -> Figure:
 def _canvas(dataset: xr.Dataset, ax: Axes | None, height: float) -> tuple[Figure, Axes]:
     """The given axes and their figure, or new ones under the dataset's title."""
     if ax is not None:
-        return ax.get_figure(root=True), ax  # type: ignore[return-value]
+        return ax.get_figure(root=True), ax  # type: ignore[return-value]  # axes given have a figure
     figure = style.new_figure(height, str(dataset.attrs.get("title", "")))
     return figure, figure.add_subplot()
 

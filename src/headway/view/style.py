@@ -98,7 +98,7 @@ def key_above(ax: Axes, entries: Mapping[str, Any]) -> None:
 
     subplot = ax.get_subplotspec()
     share = 1.0 / subplot.get_gridspec().ncols if subplot is not None else ax.get_position().width
-    room = max(72.0 * (share * float(ax.get_figure(root=True).get_figwidth()) - 1.0), 72.0)  # type: ignore[union-attr]
+    room = max(72.0 * (share * float(ax.get_figure(root=True).get_figwidth()) - 1.0), 72.0)  # type: ignore[union-attr]  # drawn axes have one
     rows: list[list[Any]] = [[]]
     used = 0.0
     for label, look in entries.items():
