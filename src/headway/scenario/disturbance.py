@@ -57,11 +57,6 @@ class Disturbance:
         """Length [s] of a leader that ends by itself, else None."""
         return None
 
-    @property
-    def frequency(self) -> float | None:
-        """Fundamental angular frequency [rad/s] of a periodic leader, else None."""
-        return getattr(self, "omega", None)
-
 
 @spec
 class Constant(Disturbance):
@@ -228,10 +223,6 @@ class Multisine(Disturbance):
                 )
         if min(self.omegas) <= 0:
             raise HeadwayError(f"multisine.omegas = {list(self.omegas)} must all be greater than 0")
-
-    @property
-    def frequency(self) -> float | None:
-        return min(self.omegas)
 
     def motion(self, seed: int, duration: float) -> Motion:
         phases = self.phases or (0.0,) * len(self.omegas)
