@@ -321,7 +321,8 @@ def test_models_are_values(model):
     assert copy.deepcopy(model) == copy.copy(model) == pickle.loads(pickle.dumps(model)) == model
     assert model.replace() == model
     first = next(iter(model.parameters))
-    other = model.replace(**{first: model.parameters[first] * 1.01 + 0.001})
+    info = model.law.parameters[first].info
+    other = model.replace(**{first: info.low if model.parameters[first] != info.low else info.high})
     assert other != model
     assert model == same, "replace leaves the original as it was"
     assert getattr(other, first) == other.parameters[first]

@@ -15,7 +15,7 @@ from headway.engine.simulate import simulate
 from headway.errors import HeadwayError
 from headway.library import library_scenario, library_table
 from headway.scenario.files import from_table, override
-from headway.view import plot, style
+from headway.view import plot, style, trajectories
 
 VIEWS = {
     "speed": plot.speeds,
@@ -109,7 +109,7 @@ def test_thinning_keeps_extremes_and_gaps():
     time = np.linspace(0.0, 100.0, 100_001)
     values = np.sin(time)[None, :] * np.ones((3, 1))
     values[0, 54_321], values[1, 12_345], values[2, 60_000:] = 9.0, -9.0, np.nan
-    t, v = plot._thin(time, values)
+    t, v = trajectories._thin(time, values)
     assert t.shape == v.shape
     assert t.shape[1] <= 4002
     assert v[0].max() == 9.0

@@ -50,6 +50,8 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "simulate_many": ("headway.engine.simulate", "simulate_many"),
     "linearize": ("headway.analysis.linear", "linearize"),
     "head_to_tail": ("headway.analysis.linear", "head_to_tail"),
+    "stability_map": ("headway.analysis.map", "stability_map"),
+    "StabilityMap": ("headway.analysis.map", "StabilityMap"),
     "metrics": ("headway.analysis.metrics", None),
     "save": ("headway.results", "save"),
     "open_results": ("headway.results", "open_results"),
@@ -66,6 +68,7 @@ if TYPE_CHECKING:
     from headway.analysis import metrics
     from headway.analysis.conformance import check_model
     from headway.analysis.linear import head_to_tail, linearize
+    from headway.analysis.map import StabilityMap, stability_map
     from headway.engine.simulate import simulate, simulate_many
     from headway.errors import HeadwayError, HeadwayWarning
     from headway.models import maths

@@ -13,18 +13,25 @@ This is one formula for every law, whatever is late (theory: Wilson and Ward, Tr
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
 import functools
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from headway.analysis import stability
+from headway.analysis.corners import corner
+from headway.analysis.margins import Margins, margins
+from headway.analysis.propagation import Propagation, Saddle, Verdict, growth, propagation, saddles
 from headway.analysis.quasipolynomial import QuasiPolynomial
+from headway.analysis.response import Response
 from headway.analysis.roots import Roots, rightmost
-from headway.errors import HeadwayError, unknown_name
+from headway.analysis.search import root
+from headway.errors import HeadwayError, HeadwayWarning, unknown_name
 from headway.models import Model
 from headway.scenario.vehicle import Vehicle
 
@@ -37,12 +44,20 @@ def linearize(vehicle: Vehicle | Model, speed: float, gap: float | None = None) 
     """Linear theory of `vehicle` where everybody drives `speed` [m/s].
 
     `gap` [m] is needed where every gap is an equilibrium (GMM). Raises `HeadwayError` if there is
-    no equilibrium, or if the law has no finite derivative there.
+    no equilibrium, or if the law has no finite derivative there. Where the law has a corner or a jump
+    there a `HeadwayWarning` says so and which derivative was taken.
     """
     car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
     s = car.model.equilibrium_gap(speed) if gap is None else float(gap)
     if s <= 0:
         raise HeadwayError(f"gap = {s:g} m is not positive")
+    found = _linear(car, float(speed), s)
+    if sentence := corner(car.model, found.speed, s, found.partials):
+        warnings.warn(sentence, HeadwayWarning, stacklevel=2)
+    return found
+
+
+def _linear(car: Vehicle, speed: float, s: float) -> Linear:
     slopes = car.model.partials(speed, s)
     for name, value in slopes.items():
         if not math.isfinite(value):
@@ -50,7 +65,7 @@ def linearize(vehicle: Vehicle | Model, speed: float, gap: float | None = None) 
                 f"{car.model.name} is not differentiable at {speed:g} m/s and {s:g} m: "
                 f"its derivative by {name} is {value}"
             )
-    return Linear(car, float(speed), s, tuple(slopes.items()))
+    return Linear(car, speed, s, tuple(slopes.items()))
 
 
 @dataclass(frozen=True)
@@ -87,6 +102,14 @@ class Linear:
         return damping / (2.0 * self.natural_frequency) if self.natural_frequency > 0 else math.inf
 
     @property
+    def eigenvalues(self) -> tuple[complex, complex]:
+        """λ1, λ2 = ω0 (-ξ ± sqrt(ξ² - 1)) [1/s] of the law without delay and lag (the paper's eq. sol-lambda)."""
+        f = self.partials
+        half = -0.5 * (f.get("dv", 0.0) - f.get("v", 0.0)) / self._loop
+        spread = cmath.sqrt(half * half - f.get("s", 0.0) / self._loop)
+        return half + spread, half - spread
+
+    @property
     def damping_class(self) -> Damping:
         """Class of the law without delay and lag."""
         xi = self.damping_ratio
@@ -114,16 +137,25 @@ class Linear:
         return self._both[2]
 
     @functools.cached_property
+    def _plant(self) -> QuasiPolynomial:
+        """From speed to command: p² (1 + T_a p)."""
+        return QuasiPolynomial.of((1.0, 2, 0.0), (self.vehicle.lag, 3, 0.0))
+
+    @functools.cached_property
+    def _feedback(self) -> QuasiPolynomial:
+        """What the vehicle does about its own motion, p times the command per speed."""
+        f, c = self.partials, self.vehicle.channel
+        s, v, dv, a = (f.get(name, 0.0) for name in ("s", "v", "dv", "a"))
+        return QuasiPolynomial.of((s, 0, c.s), (dv, 1, c.own_speed_in_dv), (-v, 1, c.v), (-a, 2, c.a))
+
+    @functools.cached_property
     def _both(self) -> tuple[QuasiPolynomial, QuasiPolynomial, QuasiPolynomial]:
-        f, c, lag = self.partials, self.vehicle.channel, self.vehicle.lag
-        g = {name: f.get(name, 0.0) for name in ("s", "v", "dv", "a", "vl", "al", "v0l", "a0l")}
+        f, c = self.partials, self.vehicle.channel
+        g = {name: f.get(name, 0.0) for name in ("s", "dv", "vl", "al", "v0l", "a0l")}
         top = QuasiPolynomial.of(
             (g["s"], 0, c.s), (g["dv"], 1, c.leader_speed_in_dv), (g["vl"], 1, c.vl), (g["al"], 2, c.al)
         )
-        bottom = QuasiPolynomial.of(
-            (1.0, 2, 0.0), (lag, 3, 0.0), (g["s"], 0, c.s), (g["dv"], 1, c.own_speed_in_dv), (-g["v"], 1, c.v),
-            (-g["a"], 2, c.a),
-        )  # fmt: skip
+        bottom = QuasiPolynomial.of(*self._plant.terms, *self._feedback.terms)
         leader = QuasiPolynomial.of((g["v0l"], 1, c.v0l), (g["a0l"], 2, c.a0l))
         common = min(q.lowest for q in (top, bottom, leader) if q.power.size)
         return top.over(common), bottom.over(common), leader.over(common)
@@ -217,7 +249,93 @@ class Linear:
         """
         return stability.long_wave(self.numerator, self.characteristic)
 
+    # -- answers in time -------------------------------------------------------------------------
+
+    @functools.cached_property
+    def response(self) -> Response:
+        """Answer in time to the speed of the vehicle ahead."""
+        return Response(self.numerator, self.characteristic)
+
+    def impulse_response(self, t: Any) -> Any:
+        """g(t) [1/s] at times `t` [s] of any shape: speed after a unit impulse of the speed ahead, 0 for t < 0.
+
+        What G passes on straight at infinite frequency is a Dirac impulse and not in here but in `direct`.
+        """
+        return self.response.impulse(t)
+
+    def step_response(self, t: Any) -> Any:
+        """Speed at times `t` [s] of any shape after a unit step of the speed ahead at t = 0."""
+        return self.response.step(t)
+
+    @property
+    def direct(self) -> tuple[tuple[float, float], ...]:
+        """(delay [s], weight) of the Dirac impulses in the impulse response; of echoes the first 200."""
+        return self.response.direct
+
+    @functools.cached_property
+    def impulse_norm(self) -> float:
+        """‖g‖₁, `direct` included: how much larger the largest speed deviation can become per vehicle (>= G(0) = 1).
+
+        It is the total variation of the step response, to about 1e-9; infinite if locally unstable.
+        """
+        return self.response.variation() if self.locally_stable else math.inf
+
+    @property
+    def peak_stable(self) -> bool:
+        """L∞ string stable: no peak of speed grows from vehicle to vehicle, ‖g‖₁ <= 1 + 1e-8 (so g >= 0).
+
+        Stricter than `string_stable`: a follower that swings through may amplify no frequency and still a peak.
+        """
+        return self.impulse_norm <= 1.0 + 1e-8
+
+    # -- where growth goes -----------------------------------------------------------------------
+
+    @functools.cached_property
+    def _saddles(self) -> tuple[Saddle, ...]:
+        peaks = [] if self.string_stable else stability.amplified(self.numerator, self.characteristic)
+        return saddles(self.numerator, self.characteristic, peaks, self.peak_gain, self.long_wave)
+
+    def propagation(self) -> Propagation:
+        """Whether and where a disturbance of a long string of such vehicles grows: convective or absolute."""
+        verdict: Verdict = (
+            "locally unstable" if not self.locally_stable else "stable" if self.string_stable else "unstable"
+        )
+        branches = self._saddles if self.locally_stable else ()
+        return propagation(branches, self.speed, self.gap + self.vehicle.length, verdict)
+
+    def growth(self, ray: Any) -> Any:
+        """σ [1/s] on rays of `ray` vehicles per second of any shape (`Propagation`).
+
+        -inf on rays on which nothing arrives (every signal is late), NaN if locally unstable, for rays
+        that are not positive, and where no saddle can be followed.
+        """
+        if not self.locally_stable:
+            return np.full(np.shape(ray), np.nan)[()]
+        return growth(self._saddles, ray)
+
     # -- margins ---------------------------------------------------------------------------------
+
+    @functools.cached_property
+    def margins(self) -> Margins:
+        """Gain, phase and delay margin of the vehicle's own loop, with their frequencies."""
+        if not self.locally_stable:
+            return Margins(*[math.nan] * len(Margins._fields))
+        return margins(self._feedback, self._plant, stability.grid(self.numerator, self.characteristic))
+
+    @property
+    def gain_margin(self) -> float:
+        """Factor by which all reactions may grow before local stability is lost (`Margins.gain`)."""
+        return self.margins.gain
+
+    @property
+    def phase_margin(self) -> float:
+        """Angle [rad] by which the loop may lag more (`Margins.phase`)."""
+        return self.margins.phase
+
+    @property
+    def delay_margin(self) -> float:
+        """Seconds that the actuator may act later (`Margins.delay`)."""
+        return self.margins.delay
 
     def slowed(self, factor: float) -> Linear:
         """The same vehicle with all delays times `factor`; where none is late, all on-board signals by `factor` s."""
@@ -255,6 +373,8 @@ def head_to_tail(
     vehicles: list[Vehicle] | tuple[Vehicle, ...], speed: float, gap: float | None = None
 ) -> stability.Chain:
     """Linear theory of a whole string, front to back: what reaches its tail, and its worst vehicle between."""
+    if not vehicles:
+        raise HeadwayError("a string has at least one vehicle")
     known: dict[Vehicle, Linear] = {}
     linears = []
     for vehicle in vehicles:
@@ -266,8 +386,6 @@ def head_to_tail(
 
 def _critical_parameter(linear: Linear, parameter: str) -> float:
     """See `Linear.critical`."""
-    from scipy.optimize import brentq
-
     vehicle, model = linear.vehicle, linear.vehicle.model
     if parameter not in model.law.parameters:
         raise unknown_name(f"parameter of {model.name}", parameter, model.law.parameters)
@@ -276,28 +394,26 @@ def _critical_parameter(linear: Linear, parameter: str) -> float:
 
     def least(value: float) -> float:
         try:
-            other = linearize(
-                dataclasses.replace(vehicle, model=model.replace(**{parameter: value})), linear.speed, fixed_gap
-            )
+            changed = dataclasses.replace(vehicle, model=model.replace(**{parameter: value}))
+            gap = fixed_gap if fixed_gap is not None else changed.model.equilibrium_gap(linear.speed)
+            other = _linear(changed, linear.speed, gap)
         except HeadwayError:
             return math.nan
-        return min(other.margin, other.decay_rate)
+        return other.margin if other.margin < 0.0 else min(other.margin, other.decay_rate)
 
     info, now = model.law.parameters[parameter].info, model.parameters[parameter]
     low, high = max(info.low, -1e3), min(info.high, 1e3)
     values = np.unique(np.append(np.linspace(low, high, 200), now))
     if high > 0:
         values = np.union1d(values, np.geomspace(max(low, 1e-3 * high), high, 100))
-    verdicts = np.array([least(float(v)) for v in values])
     here = int(np.searchsorted(values, now))
     candidates = []
-    for step in (1, -1):
-        i = here
-        while 0 <= i + step < values.size:
-            a, b = verdicts[i], verdicts[i + step]
-            if np.isfinite(a) and np.isfinite(b) and (a < 0) != (b < 0):
-                lo, hi = sorted((float(values[i]), float(values[i + step])))
-                candidates.append(float(brentq(least, lo, hi, xtol=1e-12)))
+    for side in (values[here:], values[here::-1]):
+        known = [(float(side[0]), least(float(side[0])))]
+        for value in side[1:].tolist():
+            known.append((value, least(value)))
+            (a, fa), (b, fb) = known[-2:]
+            if math.isfinite(fa) and math.isfinite(fb) and (fa < 0) != (fb < 0):
+                candidates.append(root(least, a, b, 1e-12))
                 break
-            i += step
     return min(candidates, key=lambda v: abs(v - now), default=math.nan)

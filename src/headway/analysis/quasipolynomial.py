@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,6 +41,18 @@ class QuasiPolynomial:
         slope = self.power * z ** np.maximum(self.power - 1, 0) - self.delay * z**self.power
         return np.sum(self.coefficient * slope * np.exp(-z * self.delay), axis=-1)
 
+    def jet(self, p: complex) -> tuple[complex, complex, complex]:
+        """Value, first and second derivative at one complex `p`."""
+        value = first = second = 0j
+        for c, n, tau in self.terms:
+            term = c * cmath.exp(-p * tau)
+            whole, slope = p**n, n * p ** (n - 1) if n else 0.0
+            bend = n * (n - 1) * p ** (n - 2) if n > 1 else 0.0
+            value += term * whole
+            first += term * (slope - tau * whole)
+            second += term * (bend - 2.0 * tau * slope + tau * tau * whole)
+        return value, first, second
+
     def magnitude(self, omega: Any) -> Any:
         """Bound Σ |c_k| ω^n_k of the magnitude on the imaginary axis."""
         w = np.asarray(omega, dtype=float)[..., None]
@@ -50,6 +63,11 @@ class QuasiPolynomial:
         w, n, tau = np.asarray(omega, dtype=float)[..., None], self.power, self.delay
         terms = n * (n - 1) * w ** np.maximum(n - 2, 0) + 2 * n * tau * w ** np.maximum(n - 1, 0) + tau**2 * w**n
         return np.sum(np.abs(self.coefficient) * terms, axis=-1)
+
+    @property
+    def terms(self) -> list[tuple[float, int, float]]:
+        """(coefficient, power, delay) of each term."""
+        return list(zip(self.coefficient.tolist(), self.power.tolist(), self.delay.tolist(), strict=True))
 
     @property
     def lowest(self) -> int:
@@ -67,12 +85,12 @@ class QuasiPolynomial:
 
     def slowed(self, factor: float) -> QuasiPolynomial:
         """All delays times `factor`."""
-        return QuasiPolynomial.of(*zip(self.coefficient, self.power, self.delay * factor, strict=True))
+        return QuasiPolynomial.of(*((c, n, factor * tau) for c, n, tau in self.terms))
 
     def polynomial(self, delay: float) -> NDArray[np.float64]:
         """Coefficients, highest power first, of the terms with this delay."""
         result = np.zeros(self.degree + 1)
-        for c, n, tau in zip(self.coefficient, self.power, self.delay, strict=True):
+        for c, n, tau in self.terms:
             if tau == delay:
                 result[self.degree - n] += c
         return result

@@ -2,8 +2,10 @@
 
 The infinitesimal generator of the delay equation is collocated at Chebyshev nodes of the longest
 delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 482, 2005); its rightmost eigenvalues are
-starts for Newton's method on the exact characteristic function. The number of nodes is doubled
-until the rightmost root stands. Without delays the roots are those of a polynomial.
+starts for Newton's method on the exact characteristic function. So are the places of the imaginary
+axis where that function is small, because few nodes do not see fast oscillations. The number of
+nodes is doubled until the rightmost root stands and no unstable root is missing, which the turns of
+the function along the imaginary axis tell. Without delays the roots are those of a polynomial.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ __all__ = ["Roots", "rightmost"]
 
 _NODES = (12, 24, 48, 96, 192)
 _SETTLED = 1e-9
+#: starts on the imaginary axis
+_STARTS = 24
 
 
 class Roots(NamedTuple):
@@ -37,12 +41,33 @@ def rightmost(characteristic: QuasiPolynomial, count: int = 6) -> Roots:
     previous = np.nan
     found = np.empty(0, complex)
     nodes = 0
+    near, unstable = _axis(characteristic)
     for nodes in _NODES:
-        found = _newton(characteristic, _collocated(characteristic, nodes), count)
-        if found.size and abs(found[0] - previous) < _SETTLED * (1.0 + abs(found[0])):
+        starts = _collocated(characteristic, nodes)
+        starts = starts[np.argsort(-starts.real)][: 4 * count]
+        found = _newton(characteristic, np.concatenate((starts, near)), count)
+        complete = np.count_nonzero(found.real > 0.0) >= min(unstable, count)
+        if complete and found.size and abs(found[0] - previous) < _SETTLED * (1.0 + abs(found[0])):
             break
         previous = found[0] if found.size else np.nan
     return Roots(found, _residual(characteristic, found), nodes)
+
+
+def _axis(f: QuasiPolynomial) -> tuple[NDArray[np.complex128], int]:
+    """Places iω with ω > 0 where |f| is small, the smallest first, and the number of roots to the right of the axis."""
+    leading = 2.0 * abs(f.polynomial(0.0)[0])
+    end = 1.0
+    while leading * end**f.degree < 1.2 * f.magnitude(end) and end < 1e4:
+        end *= 1.5
+    # its phase turns by π/8 from sample to sample by the longest delay, and by the roots nearby
+    omega = np.linspace(0.0, end, min(int(end * 8.0 * max(f.delays) / np.pi) + 400, 200_000))
+    value = f(1j * omega)
+    # the highest power turns by a quarter for each root on the left and back for each on the right
+    turns = np.sum(np.angle(value[1:] / value[:-1])) / np.pi if np.all(value != 0.0) else 0.5 * f.degree
+    size = np.abs(value) / f.magnitude(omega)
+    low = np.flatnonzero((size[1:-1] <= size[:-2]) & (size[1:-1] < size[2:])) + 1
+    best = low[np.argsort(size[low])][:_STARTS]
+    return np.asarray(1j * omega[best], dtype=np.complex128), max(round(0.5 * f.degree - turns), 0)
 
 
 def _collocated(characteristic: QuasiPolynomial, nodes: int) -> NDArray[np.complex128]:
@@ -100,7 +125,7 @@ def _interpolation(x: NDArray[np.float64], at: float) -> NDArray[np.float64]:
 
 def _newton(f: QuasiPolynomial, starts: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
     """Polish the rightmost starts on the exact function; keep different roots."""
-    z = starts[np.argsort(-starts.real)][: 4 * count].copy()
+    z = starts.copy()
     first = z.copy()
     with np.errstate(all="ignore"):
         for _ in range(40):
@@ -111,6 +136,8 @@ def _newton(f: QuasiPolynomial, starts: NDArray[np.complex128], count: int) -> N
         # Newton may run away from a start that is no eigenvalue of the equation itself
         good = np.isfinite(z) & (np.abs(z - first) < 0.5 * (1.0 + np.abs(first))) & (_relative(f, z) < 1e-8)
     different: list[complex] = []
+    z = np.concatenate((z, np.conj(z)))  # a start on the upper half of the axis stands for a pair
+    good = np.concatenate((good, good))
     for root in z[good][np.argsort(-z[good].real)]:
         if all(abs(root - other) > 1e-7 * (1.0 + abs(root)) for other in different):
             different.append(complex(root))

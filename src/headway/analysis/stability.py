@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.analysis.quasipolynomial import QuasiPolynomial
+from headway.analysis.search import least, root
 
 if TYPE_CHECKING:
     from headway.analysis.linear import Linear
 
 __all__ = [
-    "TOLERANCE", "Chain", "Peak", "critical_scale", "long_wave", "margin", "peak",
+    "TOLERANCE", "Chain", "Peak", "amplified", "critical_scale", "long_wave", "margin", "peak",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -102,10 +103,14 @@ def _tail(top: QuasiPolynomial, bottom: QuasiPolynomial) -> tuple[float, float]:
 
 def grid(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Array:
     """Frequencies [rad/s] that resolve every oscillation of the delays: logarithmic, and Δω < π/(8 τ)."""
-    _, end = _tail(top, bottom)
+    limit, end = _tail(top, bottom)
     longest = max((*bottom.delays, *top.delays), default=0.0)
     count = min(int(end * 8.0 * longest / math.pi) + 2, 200_000)
-    return np.unique(np.concatenate((np.geomspace(1e-4, end, 2000), np.linspace(0.0, end, count)[1:])))
+    parts = [np.geomspace(1e-4, end, 2000), np.linspace(0.0, end, count)[1:]]
+    if limit == 1.0 and longest > 0.0:
+        # short waves neither grow nor fade by their leading terms: the next ones decide, at some phase of the delays
+        parts.append(1e4 + np.arange(1024) * (math.pi / 64.0 / max(longest, 1e-4)))
+    return np.unique(np.concatenate(parts))
 
 
 def margin(top: QuasiPolynomial, bottom: QuasiPolynomial) -> float:
@@ -115,17 +120,26 @@ def margin(top: QuasiPolynomial, bottom: QuasiPolynomial) -> float:
 
 def _least(h: Callable[[Any], Any], omega: Array, at_zero: float) -> tuple[float, float]:
     """Least value of `h` and where, every local minimum of the samples refined."""
-    from scipy.optimize import minimize_scalar
-
     values = h(omega)
     inner = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
     best = min((at_zero, 0.0), (float(values[0]), float(omega[0])), (float(values[-1]), float(omega[-1])))
     for i in inner[np.argsort(values[inner])][:8]:
-        found = minimize_scalar(
-            h, bounds=(omega[i - 1], omega[i + 1]), method="bounded", options={"xatol": 1e-11 * omega[i]}
-        )
-        best = min(best, (float(found.fun), float(found.x)), (float(values[i]), float(omega[i])))
+        best = min(best, least(h, float(omega[i - 1]), float(omega[i + 1])), (float(values[i]), float(omega[i])))
     return best
+
+
+def amplified(top: QuasiPolynomial, bottom: QuasiPolynomial) -> list[float]:
+    """Frequencies [rad/s] of all local maxima of |G| above 1; the end of the sweep if |G| is above 1 there."""
+
+    def less(w: Any) -> Any:
+        return -np.abs(top(1j * np.asarray(w)) / bottom(1j * np.asarray(w)))
+
+    omega = grid(top, bottom)
+    values = less(omega)
+    inner = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])) + 1
+    found = [least(less, float(omega[i - 1]), float(omega[i + 1])) for i in inner if values[i] < -1.0 - 1e-10]
+    frequencies = [where for _, where in sorted(found)[:8]]
+    return [*frequencies, float(omega[-1])] if values[-1] < -1.0 - 1e-10 else frequencies
 
 
 def peak(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Peak:
@@ -188,28 +202,42 @@ def critical_scale(linear: Linear, kind: str, unit: float) -> float:
     if kind == "local":
         return local
 
-    def least(factor: float) -> float:
+    def smallest(factor: float) -> float:
         late = linear.slowed(factor)
         return margin(late.numerator, late.characteristic)
 
-    if local == 0.0 or least(0.0) < -TOLERANCE:
+    if local == 0.0 or smallest(0.0) < -TOLERANCE:
         return 0.0
     end = min(local, _LONGEST / unit)
     steps = np.unique(np.concatenate((np.geomspace(1e-3 / unit, end, 60), np.linspace(0.0, end, 61)[1:])))
-    found = _first_sign_change(least, steps[steps <= end], TOLERANCE)
+    found = _first_sign_change(smallest, steps[steps <= end], TOLERANCE)
     return found if found is not None else local
 
 
 def _first_sign_change(f: Callable[[float], float], at: Array, slack: float) -> float | None:
-    """The first root of `f` between rising places, where it turns below -slack; None if it does not."""
-    from scipy.optimize import brentq
+    """The first root of `f` between rising places, where it turns below -slack; None if it does not.
 
-    before = 0.0
-    for x in at:
-        if f(float(x)) < -slack:
-            return float(brentq(f, before, float(x), xtol=1e-13)) if f(before) > 0 else before
-        before = float(x)
+    Dips between the places are looked into: a verdict may be lost there and be regained.
+    """
+    xs, values = [0.0], [f(0.0)]
+    for x in at.tolist():
+        xs.append(x)
+        values.append(f(x))
+        low, before = (x if values[-1] < -slack else None), -2
+        if low is None and len(xs) > 2:
+            left, middle, right = values[-3:]
+            # a parabola through three values dips below the middle one by less than they differ
+            if left > middle <= right and middle < max(left, right) - middle:
+                low, before = _dip(f, xs[-3], x, -slack), -3
+        if low is not None:
+            return root(f, xs[before], low) if values[before] > 0 else xs[before]
     return None
+
+
+def _dip(f: Callable[[float], float], a: float, b: float, below: float) -> float | None:
+    """The place of the least value between `a` and `b` if it is `below`."""
+    value, place = least(f, a, b)
+    return place if value < below else None
 
 
 def _critical_local(linear: Linear, still: Linear, unit: float) -> float:
@@ -296,4 +324,7 @@ class Chain:
             return Peak(math.inf, math.nan, False)
         omega = np.unique(np.concatenate([grid(v.numerator, v.characteristic) for v in set(self.vehicles)]))
         value, where = _least(lambda w: -gain(w), omega, -1.0)
+        # the sweep ends where every vehicle calms its predecessor, or else among waves as short as any
+        if where == omega[-1]:
+            where = math.inf
         return Peak(1.0, 0.0, False) if -value <= 1.0 + 1e-12 else Peak(-value, where, False)

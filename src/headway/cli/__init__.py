@@ -11,6 +11,7 @@ from cyclopts import App
 
 from headway import __version__
 from headway.cli.data import data_app
+from headway.cli.map import map_
 from headway.cli.models import check, models
 from headway.cli.run import run, schema
 from headway.cli.stability import stability
@@ -28,6 +29,7 @@ app = App(
 )
 app.command(run)
 app.command(stability)
+app.command(map_, name="map")
 app.command(models)
 app.command(check)
 app.command(schema)

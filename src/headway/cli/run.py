@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from headway.engine.run import Result
     from headway.scenario.scenario import Scenario
 
-__all__ = ["read_scenario", "run", "schema"]
+__all__ = ["check_target", "read_scenario", "run", "schema"]
 
 
 def run(
@@ -46,7 +46,7 @@ def run(
     if scenario is None:
         raise HeadwayError("run needs a scenario: a TOML file, or a name that headway run --list shows")
     for path, kinds in ((out, (".nc",)), (csv, (".csv",)), (figure, (".png", ".svg", ".pdf"))):
-        _check_target(path, kinds)
+        check_target(path, kinds)
     description = read_scenario(scenario, set_ or [], model or [])
     if toml:
         print(description.to_toml(), end="")
@@ -83,7 +83,7 @@ def _list(json: bool) -> None:
         show.table("", ("name", "what it is"), list(ready.items()), left=2)
 
 
-def _check_target(path: Path | None, kinds: tuple[str, ...]) -> None:
+def check_target(path: Path | None, kinds: tuple[str, ...]) -> None:
     """Refuse a target before anything is computed."""
     if path is None:
         return

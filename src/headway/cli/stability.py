@@ -127,12 +127,17 @@ def describe(linear: Linear) -> dict[str, Any]:
         "natural_frequency": linear.natural_frequency,
         "damping_ratio": linear.damping_ratio,
         "damping_class": linear.damping_class,
+        "eigenvalues": [{"real": z.real, "imag": z.imag} for z in linear.eigenvalues],
         "locally_stable": linear.locally_stable,
         "rightmost_root": {"real": root.real, "imag": abs(root.imag)},
         "string_stable": linear.string_stable,
         "peak_gain": linear.peak_gain,
         "peak_frequency": linear.peak_frequency,
         "long_wave": linear.long_wave,
+        "impulse_norm": linear.impulse_norm,
+        "peak_stable": linear.peak_stable,
+        "propagation": linear.propagation()._asdict(),
+        "margins": linear.margins._asdict(),
         "critical_delay": {kind: linear.critical_delay(kind) for kind in ("local", "string")},
     }
 
@@ -175,10 +180,41 @@ def _print(report: dict[str, Any]) -> None:
         "rightmost root": f"{root['real']:.6g} ± {root['imag']:.6g} i 1/s",
         "peak gain": f"{report['peak_gain']:.6g} at {report['peak_frequency']:.4g} rad/s",
         "long waves": f"C = {report['long_wave']:.6g} 1/s²",
+        "largest peak": _largest_peak(report),
+        "along the road": _along_the_road(report["propagation"]),
+        "margins": _margins(report["margins"]),
         "critical delay": f"local {_seconds(critical['local'])}, string {_seconds(critical['string'])}",
     }
     for name, text in lines.items():
         print(f"  {name:<18} {text}")
+
+
+def _largest_peak(report: dict[str, Any]) -> str:
+    norm = report["impulse_norm"]
+    if math.isinf(norm):
+        return "without bound"
+    if report["peak_stable"]:
+        return "no peak of speed grows from vehicle to vehicle"
+    return f"a peak of speed can grow {_times(norm)} times per vehicle"
+
+
+def _along_the_road(wave: dict[str, Any]) -> str:
+    if wave["kind"] in ("stable", "locally unstable"):
+        return wave["kind"]
+    return (
+        f"{wave['kind']}: fastest {wave['growth']:.3g} 1/s at {wave['velocity']:.3g} m/s, "
+        f"growing from {wave['upstream_edge']:.3g} to {wave['downstream_edge']:.3g} m/s"
+    )
+
+
+def _margins(margins: dict[str, float]) -> str:
+    if math.isnan(margins["gain"]):
+        return "none, locally unstable"
+    gain, phase = margins["gain"], margins["phase"]
+    return (
+        f"gain {'any' if math.isinf(gain) else f'{gain:.4g}'}, "
+        f"phase {'any' if math.isinf(phase) else f'{math.degrees(phase):.4g}°'}, delay {_seconds(margins['delay'])}"
+    )
 
 
 def _seconds(value: float) -> str:

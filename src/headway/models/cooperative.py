@@ -39,9 +39,10 @@ def CACC(
 
 @CACC.closed_form("equilibrium_gap")
 def _gap(v, *, h, r, kp, **_):
-    return r + h * v if kp > 0 else np.full(np.shape(v), np.nan)
+    return np.where(kp > 0, r + h * v, np.nan)
 
 
 @CACC.closed_form("equilibrium_speed")
 def _speed(s, *, h, r, kp, **_):
-    return (s - r) / h if h > 0 and kp > 0 else np.nan
+    with np.errstate(all="ignore"):
+        return np.where((h > 0) & (kp > 0), (s - r) / h, np.nan)

@@ -1,29 +1,29 @@
 """Exact derivatives: forward-mode numbers that Python operators, comparisons and NumPy ufuncs understand.
 
-A `Dual` carries a value and its derivatives with respect to any number of directions. A law called
-with duals returns its value and its exact partial derivatives, without finite differences and
-without a second definition of the law.
+A `Dual` carries a value, or an array of values, and its derivatives with respect to any number of
+directions. A law called with duals returns its value and its exact partial derivatives, without
+finite differences and without a second definition of the law. A law that branches with `if` on a
+signal can be called with scalar duals only: an array of truths has no truth, and Python says so.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-__all__ = ["Dual", "derivative", "partials", "value"]
+__all__ = ["Dual", "derivative", "partials", "select", "value"]
 
 
 class Dual:
-    """`value + Σ ε_i · slope[i]`, scalar value, `slope` of shape (directions,)."""
+    """`value + Σ ε_i · slope[i]`; `value` a number or an array, `slope` of shape (directions, *value.shape)."""
 
     __slots__ = ("slope", "value")
     __array_priority__ = 1000
 
-    def __init__(self, value: float, slope: Any) -> None:
-        self.value = float(value)
+    def __init__(self, value: Any, slope: Any) -> None:
+        self.value: Any = value if np.ndim(value) else float(value)
         self.slope = np.asarray(slope, dtype=float)
 
     def __repr__(self) -> str:
@@ -53,44 +53,44 @@ class Dual:
 
     def __truediv__(self, other: Any) -> Dual:
         b = value(other)
-        quotient = np.float64(self.value) / b
+        quotient = np.asarray(self.value, dtype=float) / b
         return Dual(quotient, (self.slope - quotient * derivative(other)) / b)
 
     def __rtruediv__(self, other: Any) -> Dual:
         return Dual(value(other), np.zeros_like(self.slope)) / self
 
     def __pow__(self, other: Any) -> Dual:
-        x, n = self.value, value(other)
-        result = np.float64(x) ** n
-        slope = 0.0 * self.slope if n == 0 else n * np.float64(x) ** (n - 1) * self.slope
+        x, n = np.asarray(self.value, dtype=float)[()], value(other)
+        result = x**n
+        slope = select(np.equal(n, 0), 0.0 * self.slope, n * x ** (n - 1) * self.slope)
         if isinstance(other, Dual):
             slope = slope + np.log(x) * result * other.slope
         return Dual(result, slope)
 
     def __rpow__(self, other: Any) -> Dual:
         result = value(other) ** self.value
-        return Dual(result, math.log(value(other)) * result * self.slope)
+        return Dual(result, np.log(value(other)) * result * self.slope)
 
     def __abs__(self) -> Dual:
-        return -self if self.value < 0 else self
+        return select(self.value < 0, -self, self)
 
-    def __lt__(self, other: Any) -> bool:
+    def __lt__(self, other: Any) -> Any:
         return self.value < value(other)
 
-    def __le__(self, other: Any) -> bool:
+    def __le__(self, other: Any) -> Any:
         return self.value <= value(other)
 
-    def __gt__(self, other: Any) -> bool:
+    def __gt__(self, other: Any) -> Any:
         return self.value > value(other)
 
-    def __ge__(self, other: Any) -> bool:
+    def __ge__(self, other: Any) -> Any:
         return self.value >= value(other)
 
-    def __eq__(self, other: object) -> bool:
+    def __eq__(self, other: object) -> Any:
         return self.value == value(other)
 
     def __bool__(self) -> bool:
-        return self.value != 0.0
+        return bool(self.value != 0.0)
 
     __hash__ = None  # type: ignore[assignment]  # equal values may differ in slope, so a dual is no key
 
@@ -110,13 +110,13 @@ class Dual:
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
         if function is np.where and len(args) == 3:
-            return args[1] if args[0] else args[2]
+            return select(*args)
         if function is np.clip and len(args) == 3:
             return _minimum(_maximum(args[0], args[1]), args[2])
         return NotImplemented
 
 
-def value(x: Any) -> float:
+def value(x: Any) -> Any:
     """The value of a dual, or the number itself."""
     return x.value if isinstance(x, Dual) else x
 
@@ -126,12 +126,21 @@ def derivative(x: Any) -> Any:
     return x.slope if isinstance(x, Dual) else 0.0
 
 
+def select(condition: Any, a: Any, b: Any) -> Any:
+    """`a` where the condition holds, else `b`: numbers, arrays or duals."""
+    if np.ndim(condition) == 0:
+        return a if condition else b
+    if not isinstance(a, Dual) and not isinstance(b, Dual):
+        return np.where(condition, a, b)
+    return Dual(np.where(condition, value(a), value(b)), np.where(condition, derivative(a), derivative(b)))
+
+
 def _maximum(a: Any, b: Any) -> Any:
-    return a if value(a) >= value(b) else b
+    return select(value(a) >= value(b), a, b)
 
 
 def _minimum(a: Any, b: Any) -> Any:
-    return a if value(a) <= value(b) else b
+    return select(value(a) <= value(b), a, b)
 
 
 _UNARY: dict[Any, tuple[Callable[[float], Any], Callable[[float], Any]]] = {
@@ -172,14 +181,19 @@ _BINARY: dict[Any, Callable[[Any, Any], Any]] = {
 }
 
 
-def partials(function: Callable[..., Any], arguments: dict[str, float]) -> dict[str, float]:
+def partials(function: Callable[..., Any], arguments: dict[str, Any]) -> dict[str, Any]:
     """Exact partial derivatives of `function(*arguments.values())` with respect to each argument.
 
-    Where the function branches there, the derivative of the branch it took is returned.
+    Arguments are numbers or arrays of one shape, and so are the derivatives. Where the function
+    branches there, the derivative of the branch it took is returned.
     """
-    n = len(arguments)
-    seeds = [Dual(x, np.eye(n)[i]) for i, x in enumerate(arguments.values())]
+    n, shape = len(arguments), np.broadcast_shapes(*(np.shape(x) for x in arguments.values()))
+    seeds = []
+    for i, x in enumerate(arguments.values()):
+        slope = np.zeros((n, *shape))
+        slope[i] = 1.0
+        seeds.append(Dual(np.broadcast_to(x, shape), slope))
     with np.errstate(all="ignore"):
         result = function(*seeds)
-    slope = np.broadcast_to(derivative(result), (n,))
-    return {name: float(slope[i]) for i, name in enumerate(arguments)}
+    slope = np.broadcast_to(derivative(result), (n, *shape))
+    return {name: slope[i] if shape else float(slope[i]) for i, name in enumerate(arguments)}

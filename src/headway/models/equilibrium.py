@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,9 +13,9 @@ import numpy as np
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
-    from headway.models.law import Model
+    from headway.models.law import Law, Model
 
-__all__ = ["gap_at", "policy", "speed_at"]
+__all__ = ["gap_at", "gaps_at", "policy", "speed_at"]
 
 #: gaps [m] and speeds [m/s] between which roots are searched where no closed form exists
 _GAPS = np.geomspace(1e-3, 1e5, 161)
@@ -55,6 +58,53 @@ def speed_at(model: Model, gap: float) -> float:
     if not math.isfinite(v) or v < 0:
         raise HeadwayError(f"{model.name} has no equilibrium speed at a gap of {s:g} m")
     return v
+
+
+def gaps_at(law: Law, parameters: Mapping[str, Any], speed: Any) -> np.ndarray:
+    """Equilibrium gaps [m] of many models of one law: NaN where there is none, or where every gap is one.
+
+    Parameters and `speed` [m/s] are numbers or arrays that broadcast.
+    """
+    names = tuple(parameters)
+    v, *arrays = (np.asarray(x, dtype=float) for x in np.broadcast_arrays(speed, *parameters.values()))
+    given = {n: parameters[n] if np.ndim(parameters[n]) == 0 else x for n, x in zip(names, arrays, strict=True)}
+    form, bounds = law.forms.get("equilibrium_gap"), law.forms.get("speed_range")
+    try:
+        with np.errstate(all="ignore"):
+            low, high = (0.0, math.inf) if bounds is None else bounds(**given)
+            inside = (v >= np.maximum(low, 0.0)) & (v <= high)
+            s = np.full(v.shape, np.nan) if form is None else np.asarray(form(v, **given))
+            if np.any(np.isnan(s) & inside):  # no closed form, or one that does not answer here
+                s = np.where(np.isnan(s), _bisected(law, given, v), s)
+            return np.where(inside & np.isfinite(s), s, np.nan)
+    except (TypeError, ValueError):  # a law or a closed form that branches with `if`: one point after the other
+        s = np.full(v.shape, np.nan)
+        for i in np.ndindex(v.shape):
+            with suppress(HeadwayError):
+                s[i] = gap_at(law(**{n: x[i] for n, x in zip(names, arrays, strict=True)}), float(v[i]))
+        return s
+
+
+def _bisected(law: Law, parameters: Mapping[str, Any], v: np.ndarray) -> np.ndarray:
+    """Roots of the acceleration in the gap: the first sign change on the grid, bisected; NaN where that is none."""
+    from headway.models.law import Model
+
+    model = Model(law, tuple(parameters.items()))
+    low, high = np.full(v.shape, np.nan), np.full(v.shape, np.nan)
+    before = np.asarray(model.at_rest(np.full(v.shape, _GAPS[0]), v))
+    scale = np.zeros(v.shape)
+    for left, right in itertools.pairwise(_GAPS):
+        after = np.asarray(model.at_rest(np.full(v.shape, right), v))
+        first = np.isnan(low) & (np.sign(before) != np.sign(after)) & np.isfinite(before) & np.isfinite(after)
+        low[first], high[first], scale[first] = left, right, (np.abs(before) + np.abs(after))[first]
+        before = after
+    rising = np.asarray(model.at_rest(high, v)) > 0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = (np.asarray(model.at_rest(middle, v)) > 0) == rising
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    root = 0.5 * (low + high)
+    return np.where(np.abs(model.at_rest(root, v)) <= 1e-6 * scale, root, np.nan)
 
 
 def policy(model: Model, speed: Any) -> Any:

@@ -50,7 +50,7 @@ def _idm_gap(v, *, T, s0, v0, delta, s1, **_):
 
 @IDM.closed_form("speed_range")
 def _idm_range(*, v0, **_):
-    return 0.0, float(np.nextafter(v0, 0.0))
+    return 0.0, np.nextafter(v0, 0.0)
 
 
 @model(
@@ -79,4 +79,5 @@ def _spacing_gap(v, *, T, s0, **_):
 
 @IDMSpacing.closed_form("equilibrium_speed")
 def _spacing_speed(s, *, T, s0, **_):
-    return (s - s0) / T if T > 0 else np.nan
+    with np.errstate(all="ignore"):
+        return np.where(T > 0, (s - s0) / T, np.nan)

@@ -11,16 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from headway.models.dual import Dual
+from headway.models.dual import Dual, select
 
 __all__ = ["maximum", "minimum", "power", "tanh", "where"]
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
     """`a` where `condition` holds, else `b`; both are evaluated."""
-    if isinstance(a, Dual) or isinstance(b, Dual) or np.ndim(condition) == 0:
-        return a if condition else b
-    return np.where(condition, a, b)
+    return select(condition, a, b)
 
 
 def maximum(a: Any, b: Any) -> Any:
@@ -74,7 +72,9 @@ def power_scalar(x: Any, n: float) -> Any:
     return x**n
 
 
-def power(x: Any, n: float) -> Any:
+def power(x: Any, n: Any) -> Any:
     """`x**n`; declare the parameter `n` with `Param(..., structural=True)` to keep the loop branch-free."""
+    if np.ndim(n):
+        return x**n
     result = power_scalar(x, n)
     return result + 0.0 * x if n == 0.0 and isinstance(x, np.ndarray) else result

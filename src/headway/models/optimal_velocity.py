@@ -69,4 +69,4 @@ for _law in (OVM, FVDM):
 
     @_law.closed_form("speed_range")
     def _range(*, v0, h, w, **_):
-        return 0.0, float(np.nextafter(v0 * (1.0 + np.tanh(h / w)), 0.0))
+        return 0.0, np.nextafter(v0 * (1.0 + np.tanh(h / w)), 0.0)

@@ -1,13 +1,14 @@
 """How figures look: sizes, colours that stay apart in grey and for colour-blind eyes, axes, keys.
 
 The leader is black. Followers take a map whose lightness rises evenly down the platoon, so that
-their order is readable without colour; speeds take another one. Nothing here touches matplotlib's
-global settings.
+their order is readable without colour; speeds take another one. Verdicts are dark where bad and
+light where good. Nothing here touches matplotlib's global settings.
 """
 
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "COLLISION", "CROSS", "KEYED", "LARGE", "LEADER", "SMALL", "WIDTH", "axes_style", "axis_label", "bar_style",
-    "cars_bar", "cars_map", "key_above", "new_figure", "speed_map",
+    "COLLISION", "CROSS", "KEYED", "LARGE", "LEADER", "POINT", "SERIES", "SMALL", "WIDTH", "axes_style", "axis_label",
+    "bar_style", "canvas", "cars_bar", "cars_map", "class_look", "halo", "key_above", "new_figure", "series",
+    "speed_map", "wrapped",
 ]  # fmt: skip
 
 #: width [in] of a figure across two columns of print, and the font sizes [pt] at that width
@@ -41,14 +43,72 @@ CROSS: dict[str, Any] = {
 KEYED = 8
 
 
-def new_figure(height: float, title: str = "") -> Figure:
-    """An empty figure of the printed width and `height` [in], with `title` above everything."""
+#: how a point that somebody asked about is marked
+POINT: dict[str, Any] = {
+    "linestyle": "none", "marker": "*", "markerfacecolor": "white", "markeredgecolor": "black", "markersize": 10.0,
+    "markeredgewidth": 1.0,
+}  # fmt: skip
+
+#: colour and dashes of few curves that are told apart by name, dark to light
+SERIES: tuple[dict[str, Any], ...] = (
+    {"color": "black", "linestyle": "-"},
+    {"color": "#0072b2", "linestyle": (0, (5, 1.5))},
+    {"color": "#d55e00", "linestyle": (0, (2.5, 1.2))},
+    {"color": "#cc79a7", "linestyle": (0, (6, 1.5, 1.2, 1.5))},
+    {"color": "#009e73", "linestyle": (0, (1, 1))},
+    {"color": "#e69f00", "linestyle": "-"},
+)
+
+#: fills of verdicts, worst first; their lightness differs by a quarter and more
+_FILLS = ("#44546f", "#e3985a", "#dcecf5")
+
+
+def class_look(code: int, count: int) -> dict[str, Any]:
+    """Look of the area of one of `count` classes by code: 0 is where there is no answer, the last one is the best."""
+    if code == 0:
+        return {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////", "linewidth": 0.0}
+    return {"facecolor": _FILLS[code - count], "edgecolor": "none", "linewidth": 0.0}
+
+
+def new_figure(height: float, title: str = "", subtitle: str = "") -> Figure:
+    """An empty figure of the printed width and `height` [in], `title` above everything, `subtitle` wrapped beneath."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained", facecolor="white")
-    if title:
+    if title and not subtitle:
         figure.suptitle(title, fontsize=LARGE, fontweight="bold")
+    elif title:
+        # one text cannot be bold in parts: the layout makes room for the second, whose first line is left free
+        figure.suptitle("\n" + wrapped(subtitle, WIDTH), fontsize=SMALL, linespacing=1.35)
+        figure.text(0.5, 1.0 - 0.04 / height, title, fontsize=LARGE, fontweight="bold", ha="center", va="top")
     return figure
+
+
+def canvas(ax: Axes | None, height: float, title: str, subtitle: str = "") -> tuple[Figure, Axes]:
+    """The given axes and their figure, or new ones under a title."""
+    if ax is not None:
+        return ax.get_figure(root=True), ax  # type: ignore[return-value]  # axes given have a figure
+    figure = new_figure(height, title, subtitle)
+    return figure, figure.add_subplot()
+
+
+def series(count: int) -> list[dict[str, Any]]:
+    """Looks of so many curves: dashes of their own for few, colours from dark to light for many."""
+    if count <= len(SERIES):
+        return [{**look, "linewidth": 1.4} for look in SERIES[:count]]
+    return [{"color": colour, "linewidth": 1.2} for colour in cars_map()(np.linspace(0.0, 1.0, count))]
+
+
+def wrapped(text: str, width: float) -> str:
+    """`text` on lines that fit into `width` [in] in small print."""
+    return "\n".join(textwrap.wrap(text, max(int(72.0 * width / (0.52 * SMALL)), 12)))
+
+
+def halo() -> list[Any]:
+    """A white rim that keeps lines and words readable on any ground."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2.5, foreground="white")]
 
 
 def axes_style(ax: Axes) -> None:
@@ -70,7 +130,7 @@ def axis_label(dataset: xr.Dataset, name: str) -> str:
     known = {**VARIABLES, **COORDINATES}.get(name)
     meaning = attrs.get("long_name") or (known.long_name if known else name)
     units = attrs.get("units", known.unit if known else "")
-    words = re.split("[:,]", str(meaning))[0]
+    words = re.split("[:,;]", str(meaning))[0]
     return f"{words[:1].upper()}{words[1:]}" + (f" [{units}]" if units not in ("", "1") else "")
 
 
@@ -91,10 +151,14 @@ def _part_of(name: str, low: float, high: float) -> Colormap:
     return ListedColormap(colormaps[name](np.linspace(low, high, 256)), name=f"{name} {low:g} to {high:g}")
 
 
-def key_above(ax: Axes, entries: Mapping[str, Any]) -> None:
-    """A key above the axes: for each label the look of its line, or None for a mere word; rows as width needs."""
+def key_above(ax: Axes, entries: Mapping[str, Any], heading: str = "") -> None:
+    """A key above the axes: for each label the look of its line or area, or None for a mere word; rows as width needs.
+
+    A `heading` stands on a row of its own above.
+    """
     from matplotlib.lines import Line2D
     from matplotlib.offsetbox import AnchoredOffsetbox, DrawingArea, HPacker, TextArea, VPacker
+    from matplotlib.patches import Rectangle
 
     subplot = ax.get_subplotspec()
     share = 1.0 / subplot.get_gridspec().ncols if subplot is not None else ax.get_position().width
@@ -111,10 +175,15 @@ def key_above(ax: Axes, entries: Mapping[str, Any]) -> None:
         if look:
             area = DrawingArea(9.0, 6.0)
             middle = "marker" in look
-            area.add_artist(Line2D([4.5] if middle else [0.5, 8.5], [3.0] if middle else [3.0, 3.0], **look))
+            if "facecolor" in look:
+                area.add_artist(Rectangle((0.5, -0.5), 8.0, 7.0, **{**look, "edgecolor": "0.4", "linewidth": 0.5}))
+            else:
+                area.add_artist(Line2D([4.5] if middle else [0.5, 8.5], [3.0] if middle else [3.0, 3.0], **look))
             parts.insert(0, area)
         rows[-1].append(HPacker(children=parts, align="center", pad=0, sep=2.5))
-    lines: list[Any] = [HPacker(children=row, align="center", pad=0, sep=5.0) for row in rows]
+    lines: list[Any] = [HPacker(children=row, align="center", pad=0, sep=5.0) for row in rows if row]
+    for line in reversed(wrapped(heading, room / 72.0).splitlines()):
+        lines.insert(0, TextArea(line, textprops={"fontsize": SMALL, "fontweight": "bold"}))
     key = AnchoredOffsetbox(
         "lower left", pad=0, borderpad=0.3, frameon=False, bbox_to_anchor=(0.0, 1.0), bbox_transform=ax.transAxes,
         child=VPacker(children=lines, align="left", pad=0, sep=2.0),
