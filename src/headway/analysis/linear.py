@@ -32,7 +32,7 @@ from headway.analysis.response import Response
 from headway.analysis.roots import Roots, rightmost
 from headway.analysis.search import root
 from headway.errors import HeadwayError, HeadwayWarning, unknown_name
-from headway.models import Model
+from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
 
 __all__ = ["Linear", "head_to_tail", "linearize"]
@@ -40,21 +40,31 @@ __all__ = ["Linear", "head_to_tail", "linearize"]
 Damping = Literal["undamped", "underdamped", "critically damped", "overdamped"]
 
 
-def linearize(vehicle: Vehicle | Model, speed: float, gap: float | None = None) -> Linear:
+def linearize(vehicle: Vehicle | Model | Law, speed: float, gap: float | None = None) -> Linear:
     """Linear theory of `vehicle` where everybody drives `speed` [m/s].
 
     `gap` [m] is needed where every gap is an equilibrium (GMM). Raises `HeadwayError` if there is
-    no equilibrium, or if the law has no finite derivative there. Where the law has a corner or a jump
+    no equilibrium, also at a given gap, or if the law has no finite derivative there. Where the law has a corner or a jump
     there a `HeadwayWarning` says so and which derivative was taken.
     """
     car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
     s = car.model.equilibrium_gap(speed) if gap is None else float(gap)
     if s <= 0:
         raise HeadwayError(f"gap = {s:g} m is not positive")
+    if gap is not None and not _rests(car.model, float(speed), s):
+        raise HeadwayError(
+            f"{car.model.name} does not rest at {speed:g} m/s and {s:g} m: it accelerates by "
+            f"{float(car.model.at_rest(s, float(speed))):.3g} m/s²; leave the gap to it"
+        )
     found = _linear(car, float(speed), s)
     if sentence := corner(car.model, found.speed, s, found.partials):
         warnings.warn(sentence, HeadwayWarning, stacklevel=2)
     return found
+
+
+def _rests(model: Model, speed: float, gap: float) -> bool:
+    """Whether the model keeps this speed at this gap, to a millionth of a metre per second squared."""
+    return abs(float(model.at_rest(gap, speed))) <= 1e-6
 
 
 def _linear(car: Vehicle, speed: float, s: float) -> Linear:
@@ -372,14 +382,18 @@ class Linear:
 def head_to_tail(
     vehicles: list[Vehicle] | tuple[Vehicle, ...], speed: float, gap: float | None = None
 ) -> stability.Chain:
-    """Linear theory of a whole string, front to back: what reaches its tail, and its worst vehicle between."""
+    """Linear theory of a whole string, front to back: what reaches its tail, and its worst vehicle between.
+
+    `gap` [m] is that of the vehicles that rest at every gap; the others take their own equilibrium.
+    """
     if not vehicles:
         raise HeadwayError("a string has at least one vehicle")
     known: dict[Vehicle, Linear] = {}
     linears = []
     for vehicle in vehicles:
         if vehicle not in known:
-            known[vehicle] = linearize(vehicle, speed, gap)
+            needed = gap is not None and gap > 0 and _rests(vehicle.model, speed, gap)
+            known[vehicle] = linearize(vehicle, speed, gap if needed else None)
         linears.append(known[vehicle])
     return stability.Chain(tuple(linears))
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from headway.analysis.points import Points
 from headway.errors import HeadwayError, unknown_name
-from headway.models import Model
+from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class StabilityMap:
 
 
 def stability_map(
-    vehicle: Vehicle | Model,
+    vehicle: Vehicle | Model | Law,
     axes: Mapping[str, Any],
     *,
     speed: float | None = None,

@@ -55,7 +55,7 @@ def _printed(axes: _Axes, holds: Callable[..., Any], note: str) -> StabilityMap:
         found = np.asarray(holds(*at), dtype=float)
         return np.where(np.isnan(found), 0, np.where(found > 0, 2, 1)).astype(np.int8)
 
-    whole = codes(np.meshgrid(*values, indexing="ij"))
+    whole = codes(list(np.meshgrid(*values, indexing="ij")))
     boundary = trace(whole, values, lambda at: codes(list(at.T)), _PRINTED)
     attributes = {"long_name": "printed condition", "flag_values": [0, 1, 2], "flag_meanings": ", ".join(_PRINTED)}
     dataset = xr.Dataset(

@@ -104,7 +104,7 @@ class Points:
     def _linear(self, at: Mapping[str, Array]) -> tuple[dict[str, Array], NDArray[np.bool_]]:
         """Partial derivatives by signal and where there is an equilibrium, on as few points as the axes allow."""
         law = self._model.law
-        parameters = {n: at.get(n, x) for n, x in self._model.items}
+        parameters: dict[str, Any] = {n: at.get(n, x) for n, x in self._model.items}
         v, s = at.get("speed", self.speed), at.get("gap", self.gap)
         chosen = v is not None and s is not None
         if v is None:

@@ -106,10 +106,10 @@ def grid(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Array:
     limit, end = _tail(top, bottom)
     longest = max((*bottom.delays, *top.delays), default=0.0)
     count = min(int(end * 8.0 * longest / math.pi) + 2, 200_000)
-    parts = [np.geomspace(1e-4, end, 2000), np.linspace(0.0, end, count)[1:]]
+    parts: list[Array] = [np.geomspace(1e-4, end, 2000), np.linspace(0.0, end, count)[1:]]
     if limit == 1.0 and longest > 0.0:
         # short waves neither grow nor fade by their leading terms: the next ones decide, at some phase of the delays
-        parts.append(1e4 + np.arange(1024) * (math.pi / 64.0 / max(longest, 1e-4)))
+        parts.append(1e4 + np.arange(1024.0) * (math.pi / 64.0 / max(longest, 1e-4)))
     return np.unique(np.concatenate(parts))
 
 

@@ -69,8 +69,7 @@ def _scenario(
     scenario = read_scenario(name, assignments, references)
     v = scenario.cruise if speed is None else speed
     if gap is None and isinstance(scenario.gaps, float):
-        # a common gap is needed only by laws that have no equilibrium gap of their own
-        gap = scenario.gaps if any(not f.model.law.forms.get("equilibrium_gap") for f in scenario.followers) else None
+        gap = scenario.gaps
     chain = head_to_tail(scenario.followers, v, gap)
     different = list(dict.fromkeys(chain.vehicles))
     reports = [describe(linear) for linear in different]

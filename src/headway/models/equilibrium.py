@@ -81,7 +81,7 @@ def gaps_at(law: Law, parameters: Mapping[str, Any], speed: Any) -> np.ndarray:
         s = np.full(v.shape, np.nan)
         for i in np.ndindex(v.shape):
             with suppress(HeadwayError):
-                s[i] = gap_at(law(**{n: x[i] for n, x in zip(names, arrays, strict=True)}), float(v[i]))
+                s[i] = gap_at(law(**{n: float(x[i]) for n, x in zip(names, arrays, strict=True)}), float(v[i]))
         return s
 
 
