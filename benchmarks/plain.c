@@ -186,10 +186,21 @@ static void middle_slope(double *restrict out, const double *restrict p, const d
         out[i] = 1.5 / h * (q[i] - p[i]) - 0.25 * (r[i] + t[i]);
 }
 
-/* Integrates `steps` steps of length h; every `every`-th start and the end go to `out` (., 3, all). */
+/* Largest magnitude so far of gap minus gap at the start. */
+static void largest(double *restrict peak, const double *restrict x, const double *restrict x0,
+                    const double *restrict length, long lanes, long size)
+{
+    for (long i = 0; i < size; i++) {
+        double start = x0[i] - length[i] - x0[i + lanes], e = fabs(x[i] - length[i] - x[i + lanes] - start);
+        peak[i] = e > peak[i] ? e : peak[i];
+    }
+}
+
+/* Integrates `steps` steps of length h; every `every`-th start and the end go to `out` (., 3, all), and the peak of
+   the spacing error at all steps to `peak` (size), if given. */
 void integrate(int ballistic, long followers, long lanes, long steps, double h, long late, const double *lead,
                const double *length, const double *given, long rows, const double *x0, const double *v0, double cruise,
-               long every, double *out)
+               long every, double *out, double *peak)
 {
     long size = followers * lanes, all = size + lanes, ring = late + 2;
     double *memory = aligned_alloc(64, (((4 * ring + 8) * all + (rows + 1) * size) * sizeof(double) / 64 + 1) * 64);
@@ -215,6 +226,8 @@ void integrate(int ballistic, long followers, long lanes, long steps, double h, 
         long p = (k - late + ring) % ring * all, q = (k - late + 1 + ring) % ring * all;
         double *x = xs + r, *v = vs + r, *a = as + r, *xn = xs + n, *vn = vs + n, *an = ls + n;
         fill(x, now[0], lanes), fill(v, now[1], lanes), fill(a, now[2], lanes);
+        if (peak)
+            largest(peak, x, x0, length, lanes, size);
         if (ballistic) {
             if (late == 0)
                 rate(a, x, v, 0, 0, length, par, size, lanes);

@@ -61,8 +61,8 @@ def _pointer(array: Array) -> ctypes._Pointer[ctypes.c_double]:
 class Loop:
     """The C loop for the same platoons as `plan`: one law, a delay of whole steps, one leader for all lanes."""
 
-    def __init__(self, plan: Plan, late: int, every: int, prepared: bool, flags: str) -> None:
-        scenario = plan.scenarios[0]
+    def __init__(self, plan: Plan, late: int, every: int, prepared: bool, flags: str, peak: bool = False) -> None:
+        scenario = plan.scenario
         law = scenario.followers[0].model.law.name
         rows, self.lanes = plan.x.shape
         self.steps = plan.mesh.steps
@@ -81,6 +81,7 @@ class Loop:
             x, v = self.lead[::2, 0], self.lead[::2, 1]
             x[late + 1 :] = np.cumsum(0.5 * self.h * (v[late + 1 :] + v[late:-1]))
         self.out = np.zeros((self.steps // every + 1, 3, rows, self.lanes))
+        self.peak = np.zeros((rows - 1, self.lanes)) if peak else None
         self.integrate = compiled(law, equal, prepared, flags).integrate
 
     def __call__(self) -> float:
@@ -92,5 +93,6 @@ class Loop:
             ctypes.c_double(self.h), ctypes.c_long(self.late), _pointer(self.lead), _pointer(p.platoon.length),
             _pointer(self.parameters), ctypes.c_long(self.parameters.shape[0]), _pointer(p.x), _pointer(p.v),
             ctypes.c_double(float(p.cruise[0])), ctypes.c_long(self.every), _pointer(self.out),
+            None if self.peak is None else _pointer(self.peak),
         )  # fmt: skip
         return time.perf_counter() - begin

@@ -33,16 +33,9 @@ def branching(s, v, dv, *, k=0.2, c=0.6, T=1.2, s0=2.0):
     return k * (s - s0 - T * v) + c * dv
 
 
-def row(linear):
-    """One row of the sweep for a linear vehicle, put together by hand."""
-    f, c = linear.partials, linear.vehicle.channel
-    slopes = [f.get(n, 0.0) for n in ("s", "v", "dv", "a", "vl", "al")]
-    return np.array([[*slopes, c.s, c.v, c.leader_speed_in_dv, c.own_speed_in_dv, c.a, c.vl, c.al, linear.vehicle.lag]])
-
-
 def swept(function, linear, *kinds):
     outputs = [np.empty(1, kind) for kind in kinds]
-    function(row(linear), *outputs)
+    function(sweep.rows_of([linear]), *outputs)
     return [x[0] for x in outputs]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("README.md", "docs/stability.md", "docs/data.md")
+PAGES = ("README.md", "docs/stability.md", "docs/data.md", "docs/scaling.md", "docs/metrics.md")
 
 #: a law and a recording, for the lines that speak of one's own
 LAW = """
@@ -30,6 +30,7 @@ def blocks(page: str, language: str) -> list[str]:
 def desk(tmp_path, monkeypatch):
     """A folder with what the pages take for granted."""
     (tmp_path / "my.py").write_text(LAW)
+    (tmp_path / "study.toml").write_text(blocks("docs/scaling.md", "toml")[0])
     rows = [
         f"{0.1 * i:.1f},0,{20 + 0.01 * i:.3f},\n{0.1 * i:.1f},1,20.0,{30 + 0.0005 * i * i:.4f}\n" for i in range(100)
     ]

@@ -53,6 +53,10 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "stability_map": ("headway.analysis.map", "stability_map"),
     "StabilityMap": ("headway.analysis.map", "StabilityMap"),
     "metrics": ("headway.analysis.metrics", None),
+    "Study": ("headway.study.study", "Study"),
+    "between": ("headway.study.axes", "between"),
+    "load_study": ("headway.study.files", "load_study"),
+    "open_study": ("headway.study.study", "open_study"),
     "save": ("headway.results", "save"),
     "open_results": ("headway.results", "open_results"),
     "data": ("headway.data", None),
@@ -92,6 +96,9 @@ if TYPE_CHECKING:
     from headway.scenario.recorded import Recorded as recorded
     from headway.scenario.scenario import Scenario
     from headway.scenario.vehicle import Vehicle
+    from headway.study.axes import between
+    from headway.study.files import load_study
+    from headway.study.study import Study, open_study
     from headway.view import plot
 
 

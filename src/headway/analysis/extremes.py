@@ -1,24 +1,84 @@
-"""Measures of sampled signals as plain arrays (…, T) → (…): what `metrics` and the command line share.
+"""Measures of sampled signals as plain arrays (…, T) → (…): what `metrics`, studies and the command line share.
 
-Extremes lie between samples: they are refined by the polynomial through the five samples around
-the extreme one, so that a measure does not depend on how densely results were kept. NaN samples
-are left out; a signal without any other gives NaN.
+Extremes lie between samples: they are refined by the quartic through the five samples around the
+extreme one, so that a measure does not depend on how densely results were kept. NaN samples are
+left out; a signal without any other gives NaN.
+
+All is plain arithmetic, element by element and sum by sum in the order of time, so that a measure
+of many signals at once has the bits of one alone.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["amplitude_of", "extreme_of", "peak_of", "rms_of"]
+from headway.engine.quadrature import trapezoid
+
+__all__ = ["amplitude_of", "extreme_of", "peak_of", "refined", "rms_of"]
 
 Array = NDArray[np.float64]
+
+#: Newton steps towards the top of the quartic from that of the parabola
+_STEPS = 4
 
 
 def extreme_of(time: Array, values: Array, sign: float) -> Array:
     """Largest value over time (`sign` = 1) or least (-1)."""
-    rows = np.asarray(values, dtype=float).reshape(-1, time.size)
-    return np.array([sign * _highest(time, sign * row) for row in rows]).reshape(values.shape[:-1])
+    rows = sign * np.asarray(values, dtype=float).reshape(-1, time.size)
+    known = np.isfinite(rows)
+    place = np.argmax(np.where(known, rows, -np.inf), axis=1)
+    each = np.arange(rows.shape[0])
+    best = np.where(known.any(axis=1), rows[each, place], np.nan)
+    around = rows[each, np.clip(place + np.arange(-2, 3)[:, None], 0, time.size - 1)]
+    return (sign * refined(time, best, place, around)).reshape(np.shape(values)[:-1])
+
+
+def refined(time: Array, best: Array, place: NDArray[np.int64], around: Array) -> Array:
+    """Highest values (n,) of signals whose highest samples are `best` (n,), numbers `place` (n,) of `time` (T,).
+
+    `around` (5, n) are that sample and its neighbours. Where it has not two finite ones on either
+    side, and at a corner of the signal, the sample stands.
+    """
+    inner: Any = np.flatnonzero((place >= 2) & (place + 3 <= time.size) & np.isfinite(around).all(axis=0))
+    if not inner.size:
+        return best
+    if inner.size == best.size:
+        inner = slice(None)  # as nearly always
+    top = place[inner]
+    t = (time[top + np.arange(-2, 3)[:, None]] - time[top]) / (time[top + 1] - time[top - 1])
+    y = around[:, inner] - best[inner]
+    result = best.copy()
+    with np.errstate(all="ignore"):
+        result[inner] += _above(t[[0, 1, 3, 4]], y[[0, 1, 3, 4]])
+    return result
+
+
+def _above(t: Array, y: Array) -> Array:
+    """How far (n,) a signal rises over its highest sample at 0, whose neighbours at `t` (4, n) have heights `y`."""
+    # the quartic through 0 is t times a cubic, which divided differences give
+    d = y / t
+    d01, d12, d23 = (d[1] - d[0]) / (t[1] - t[0]), (d[2] - d[1]) / (t[2] - t[1]), (d[3] - d[2]) / (t[3] - t[2])
+    d012, d123 = (d12 - d01) / (t[2] - t[0]), (d23 - d12) / (t[3] - t[1])
+    c4 = (d123 - d012) / (t[3] - t[0])
+    c3 = d012 - c4 * (t[0] + t[1] + t[2])
+    c2 = d01 - d012 * (t[0] + t[1]) + c4 * (t[0] * t[1] + t[0] * t[2] + t[1] * t[2])
+    c1 = d[0] - d01 * t[0] + d012 * t[0] * t[1] - c4 * t[0] * t[1] * t[2]
+    # the parabola through the three middle samples
+    bend = d12
+    slope = d[1] - bend * t[1]
+    hill = bend < 0
+    u = np.where(hill, np.clip(-slope / (2.0 * bend), t[1], t[2]), 0.0)
+    for _ in range(_STEPS):
+        rate = c1 + u * (2.0 * c2 + u * (3.0 * c3 + u * 4.0 * c4))
+        curve = 2.0 * c2 + u * (6.0 * c3 + u * 12.0 * c4)
+        u = np.where(curve < 0, np.clip(u - rate / curve, t[1], t[2]), u)
+    height = u * (c1 + u * (c2 + u * (c3 + u * c4)))
+    # at a corner of the signal the quartic and the parabola disagree; then the sample stands
+    fits = hill & (height > 0) & (height <= -slope * slope / (2.0 * bend))
+    return np.where(fits, height, 0.0)
 
 
 def peak_of(time: Array, values: Array) -> Array:
@@ -33,34 +93,8 @@ def amplitude_of(time: Array, values: Array) -> Array:
 
 def rms_of(time: Array, values: Array) -> Array:
     """Root of the mean square over time, by the trapezoid rule."""
-    weight = np.zeros(time.size)
-    half = 0.5 * np.diff(time)
-    weight[:-1] += half
-    weight[1:] += half
+    weight = trapezoid(time)
     known = np.isfinite(values)
-    total = np.sum(known * weight, axis=-1)
-    square = np.sum(np.where(known, values, 0.0) ** 2 * weight, axis=-1)
+    total = np.cumsum(known * weight, axis=-1)[..., -1]
+    square = np.cumsum(np.where(known, values, 0.0) ** 2 * weight, axis=-1)[..., -1]
     return np.sqrt(np.divide(square, total, out=np.full(np.shape(total), np.nan), where=total > 0))
-
-
-def _highest(time: Array, row: Array) -> float:
-    known = np.flatnonzero(np.isfinite(row))
-    if known.size == 0:
-        return float("nan")
-    top = int(known[np.argmax(row[known])])
-    at = slice(top - 2, top + 3)
-    if top < 2 or top + 3 > row.size or not np.isfinite(row[at]).all():
-        return float(row[top])
-    t, y = (time[at] - time[top]) / (time[top + 1] - time[top - 1]), row[at] - row[top]
-    quartic = np.polyfit(t, y, 4)
-    roots = np.roots(np.polyder(quartic))
-    inside = roots[(abs(roots.imag) < 1e-9) & (roots.real > t[1]) & (roots.real < t[3])].real
-    best = float(np.max(np.polyval(quartic, inside), initial=0.0))
-    # at a corner of the signal the quartic and the parabola disagree; then the sample stands
-    return float(row[top] + (best if best <= 2.0 * _parabola_top(t, y) else 0.0))
-
-
-def _parabola_top(t: Array, y: Array) -> float:
-    """Height over the middle sample of the parabola through the three middle ones."""
-    bend, slope, _ = np.polyfit(t[1:4], y[1:4], 2)
-    return float(-slope * slope / (4.0 * bend)) if bend < 0 else 0.0

@@ -18,6 +18,7 @@ import dataclasses
 import functools
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -44,8 +45,8 @@ def linearize(vehicle: Vehicle | Model | Law, speed: float, gap: float | None = 
     """Linear theory of `vehicle` where everybody drives `speed` [m/s].
 
     `gap` [m] is needed where every gap is an equilibrium (GMM). Raises `HeadwayError` if there is
-    no equilibrium, also at a given gap, or if the law has no finite derivative there. Where the law has a corner or a jump
-    there a `HeadwayWarning` says so and which derivative was taken.
+    no equilibrium, also at a given gap, or if the law has no finite derivative there. Where the law has
+    a corner or a jump there a `HeadwayWarning` says so and which derivative was taken.
     """
     car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
     s = car.model.equilibrium_gap(speed) if gap is None else float(gap)
@@ -380,21 +381,23 @@ class Linear:
 
 
 def head_to_tail(
-    vehicles: list[Vehicle] | tuple[Vehicle, ...], speed: float, gap: float | None = None
+    vehicles: Sequence[Vehicle], speed: float, gap: float | Sequence[float] | None = None
 ) -> stability.Chain:
     """Linear theory of a whole string, front to back: what reaches its tail, and its worst vehicle between.
 
-    `gap` [m] is that of the vehicles that rest at every gap; the others take their own equilibrium.
+    `gap` [m], one or one for each vehicle, is that of the vehicles that rest at every gap; the others
+    take their own equilibrium.
     """
     if not vehicles:
         raise HeadwayError("a string has at least one vehicle")
-    known: dict[Vehicle, Linear] = {}
+    gaps = [gap] * len(vehicles) if gap is None or isinstance(gap, int | float) else list(gap)
+    known: dict[tuple[Vehicle, float | None], Linear] = {}
     linears = []
-    for vehicle in vehicles:
-        if vehicle not in known:
-            needed = gap is not None and gap > 0 and _rests(vehicle.model, speed, gap)
-            known[vehicle] = linearize(vehicle, speed, gap if needed else None)
-        linears.append(known[vehicle])
+    for vehicle, s in zip(vehicles, gaps, strict=True):
+        if (vehicle, s) not in known:
+            needed = s is not None and s > 0 and _rests(vehicle.model, speed, s)
+            known[vehicle, s] = linearize(vehicle, speed, s if needed else None)
+        linears.append(known[vehicle, s])
     return stability.Chain(tuple(linears))
 
 

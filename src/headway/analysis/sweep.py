@@ -13,13 +13,18 @@ argument: n/2 - Δarg D(σ + iω)/π roots lie to the right of σ. `headway.anal
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 from headway.analysis.stability import TOLERANCE
 
-__all__ = ["COLUMNS", "LONGEST", "critical_delays", "decay_rates", "gains", "margins", "peaks"]
+if TYPE_CHECKING:
+    from headway.analysis.linear import Linear
+
+__all__ = ["COLUMNS", "LONGEST", "critical_delays", "decay_rates", "gains", "margins", "peaks", "rows_of"]
 
 #: what a row holds: partial derivatives by signal, delays [s] (of dv: its leader's and its own half), lag [s]
 COLUMNS = (
@@ -29,6 +34,18 @@ COLUMNS = (
 
 #: longest delay [s] up to which a critical one is looked for
 LONGEST = 200.0
+
+
+def rows_of(linears: Sequence[Linear]) -> np.ndarray:
+    """The rows (vehicles, columns) of linear vehicles."""
+    rows = np.empty((len(linears), len(COLUMNS)))
+    for i, linear in enumerate(linears):
+        f, c = linear.partials, linear.vehicle.channel
+        slopes = [f.get(n, 0.0) for n in COLUMNS[:6]]
+        late = (c.s, c.v, c.leader_speed_in_dv, c.own_speed_in_dv, c.a, c.vl, c.al)
+        rows[i] = (*slopes, *late, linear.vehicle.lag)
+    return rows
+
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
 _inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
@@ -251,7 +268,8 @@ def _margin(row):
     if short > 1.0:
         return -math.inf
     least = _least(row, min(_end(row, 0.0, 1.0), 200.0), False)[0]
-    if short == 1.0 and _longest(row) > 0.0:  # short waves neither grow nor fade by their leading terms: the next ones decide, at some phase
+    if short == 1.0 and _longest(row) > 0.0:
+        # short waves neither grow nor fade by their leading terms: the next ones decide, at some phase
         for w in balanced_frequencies(_longest(row)):
             least = min(least, _value(row, w, False))
     return least

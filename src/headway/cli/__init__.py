@@ -15,6 +15,7 @@ from headway.cli.map import map_
 from headway.cli.models import check, models
 from headway.cli.run import run, schema
 from headway.cli.stability import stability
+from headway.cli.study import study_app
 from headway.errors import HeadwayError, HeadwayWarning
 
 __all__ = ["app", "main"]
@@ -29,6 +30,7 @@ app = App(
 )
 app.command(run)
 app.command(stability)
+app.command(study_app)
 app.command(map_, name="map")
 app.command(models)
 app.command(check)

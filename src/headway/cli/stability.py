@@ -68,9 +68,8 @@ def _scenario(
 
     scenario = read_scenario(name, assignments, references)
     v = scenario.cruise if speed is None else speed
-    if gap is None and isinstance(scenario.gaps, float):
-        gap = scenario.gaps
-    chain = head_to_tail(scenario.followers, v, gap)
+    gaps = scenario.initial_gaps() if gap is None and scenario.gaps is not None else gap
+    chain = head_to_tail(scenario.followers, v, gaps)
     different = list(dict.fromkeys(chain.vehicles))
     reports = [describe(linear) for linear in different]
     numbers = [chain.vehicles.index(linear) + 1 for linear in different]

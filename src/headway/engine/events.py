@@ -155,7 +155,7 @@ class RunAlone(Run):
             self.mesh.jump[node] = True
             # behind a lag it may stop while it is asked to go already, and then it goes at once
             # (without one, what it is asked is what it does, and commands are not kept)
-            lagged = self.plan.scenarios[0].followers[vehicle].lag > 0
+            lagged = self.plan.scenario.followers[vehicle].lag > 0
             state.go[vehicle] = 1.0 if lagged and state.command[0, vehicle] > 0.0 else 0.0
         elif kind == _START:
             state.go[vehicle] = 1.0
@@ -165,12 +165,12 @@ class RunAlone(Run):
             state.watch[vehicle] = 0.0
             self.mesh.insert(np.array([time + _UNWATCHED]), np.array([False]))
         # a stop ends an acceleration, also one behind a lag
-        order = own_order(self.plan.scenarios[0].followers[vehicle], 2) if kind == _STOP else _ORDER[kind]
+        order = own_order(self.plan.scenario.followers[vehicle], 2) if kind == _STOP else _ORDER[kind]
         self._break(vehicle, time, order)
 
     def _break(self, vehicle: int, time: float, order: int) -> None:
         """Put nodes where the event will be felt late."""
-        scenario = self.plan.scenarios[0]
+        scenario = self.plan.scenario
         found = propagate(scenario.followers, self.nothing, {vehicle + 1: Jumps.of(time, order)}, scenario.end)
         jumps = all_jumps(found)
         later = jumps.time > time + 1e-9

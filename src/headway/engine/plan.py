@@ -19,7 +19,7 @@ from headway.scenario.motion import Motion
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["DEFAULT_DT", "MOST_SAMPLES", "Plan", "output_times", "structure"]
+__all__ = ["DEFAULT_DT", "MOST_SAMPLES", "Frame", "Lanes", "Plan", "output_times", "structure"]
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def structure(scenario: Scenario) -> tuple[Any, ...]:
     motion = scenario.motion
     time, order = motion.jumps(scenario.end)
     vehicles = tuple(_shape(v) for v in scenario.followers)
-    starts = (scenario.gaps is None, tuple(n for n, _ in scenario.speed_offsets))
+    starts = (scenario.gaps is None, tuple(n for n, _ in scenario.speed_offsets), scenario.cruise != motion.before)
     return (
         vehicles,
         time.tobytes(),
@@ -66,13 +66,74 @@ def _shape(vehicle: Vehicle) -> tuple[Any, ...]:
     return vehicle.model.law, structural(vehicle.model), vehicle.channel, vehicle.lag > 0, vehicle.limits is not None
 
 
+@dataclass(frozen=True)
+class Lanes:
+    """The numbers that each lane has for itself. N followers, B lanes."""
+
+    gaps: Array  # (N, B) [m] at t = 0
+    lengths: Array  # (N, B) [m] of the vehicle ahead
+    speeds: Array  # (N, B) [m/s] at t = 0
+    cruise: Array  # (B,) [m/s] speed at which positions move before 0
+    lead: Array  # (B,) [m/s] speed of the leader at t = 0
+    parameters: Array  # (most parameters of a law, N, B)
+    lag: Array  # (N, B) [s]
+    limits: Array  # (2, N, B) [m/s²] least and largest command, infinite where there is none
+
+    @classmethod
+    def of(cls, scenarios: Sequence[Scenario], motions: Sequence[Motion]) -> Lanes:
+        """Of scenarios that share a `structure`, behind one motion or one each."""
+        infinite = (-math.inf, math.inf)
+        return cls(
+            gaps=np.array([s.initial_gaps() for s in scenarios]).T,
+            lengths=np.array([[s.leader_length, *(v.length for v in s.followers[:-1])] for s in scenarios]).T,
+            speeds=np.array([s.initial_speeds() for s in scenarios]).T,
+            cruise=np.array([s.cruise for s in scenarios]),
+            lead=np.array([float(m.at(0.0)[1]) for m in motions] * (len(scenarios) // len(motions))),
+            parameters=_parameters(scenarios),
+            lag=np.array([[v.lag for v in s.followers] for s in scenarios], dtype=float).T,
+            limits=np.array([[v.limits or infinite for v in s.followers] for s in scenarios], dtype=float).T,
+        )
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What lanes of one structure share, beside their leader's motion: made once for any number of batches."""
+
+    scenario: Scenario
+    runs: list[tuple[int, int]]
+    groups: NDArray[np.int64]
+    slots: NDArray[np.int64]
+    needs: NDArray[np.bool_]
+    span: NDArray[np.int64]
+    delays: Array
+    mesh: Mesh
+    extra: bool
+    hears_late_acceleration: bool
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Frame:
+        """The frame of a scenario and all that share its `structure`."""
+        slots = _Slots()
+        runs = _runs(scenario.followers)
+        groups = np.zeros((len(runs), len(GROUP)), dtype=np.int64)
+        table = np.full((len(runs), 8, 2), -1, dtype=np.int64)
+        for g, (row, rows) in enumerate(runs):
+            _fill_group(groups[g], table[g], scenario.followers[row], row, rows, slots)
+        jumps = _jumps(scenario, scenario.motion) if scenario.scheme == "rk4" else None
+        mesh = build_mesh(scenario.end, scenario.dt or DEFAULT_DT, output_times(scenario), jumps)
+        return cls(
+            scenario, runs, groups, table, slots.needs_array(), slots.span_array(), np.array(slots.delays, dtype=float),
+            mesh, slots.late_accelerations_between(mesh), bool(slots.accelerations),
+        )  # fmt: skip
+
+
 @dataclass
 class Plan:
-    """Arrays for a batch of scenarios that share a structure."""
+    """Arrays for a batch of lanes that share a structure."""
 
-    scenarios: Sequence[Scenario]
+    scenario: Scenario  # one of them, for what they share
     platoon: Platoon
-    motions: list[Motion]
+    motions: list[Motion]  # one for all lanes, or one for each
     delays: Array
     mesh: Mesh
     extra: bool  # whether late accelerations are read where only the extra point makes them fourth order
@@ -85,45 +146,39 @@ class Plan:
     def of(cls, scenarios: Sequence[Scenario]) -> Plan:
         """The plan of scenarios that share a `structure`."""
         first = scenarios[0]
-        followers, lanes = len(first.followers), len(scenarios)
         shared = len({(s.leader, s.cruise) for s in scenarios}) == 1 and first.leader.kind != "noise"
-        motions = [scenarios[0].motion] if shared else [
-            s.motion for s in scenarios
-        ]  # fmt: skip
-        gaps = np.array([s.initial_gaps() for s in scenarios]).T
-        lengths = np.array([[s.leader_length, *(v.length for v in s.followers[:-1])] for s in scenarios]).T
-        x = np.zeros((followers + 1, lanes))
-        x[1:] = -np.cumsum(gaps + lengths, axis=0)
-        v = np.empty((followers + 1, lanes))
-        v[0] = [m.at(0.0)[1] for m in motions] if len(motions) > 1 else motions[0].at(0.0)[1]
-        v[1:] = np.array([s.initial_speeds() for s in scenarios]).T
-        slots = _Slots()
-        runs = _runs(first.followers, lanes)
-        groups = np.zeros((len(runs), len(GROUP)), dtype=np.int64)
-        table = np.full((len(runs), 8, 2), -1, dtype=np.int64)
-        for g, (row, rows) in enumerate(runs):
-            _fill_group(groups[g], table[g], first.followers[row], row, rows, slots, lanes)
-        parameters, varying = _parameters(scenarios, runs)
-        addresses = np.array([_addresses(first.followers[row], v) for (row, _), v in zip(runs, varying, strict=True)])
+        motions = [first.motion] if shared else [s.motion for s in scenarios]
+        return cls.of_lanes(Frame.of(first), motions, Lanes.of(scenarios, motions))
+
+    @classmethod
+    def of_lanes(cls, frame: Frame, motions: list[Motion], lanes: Lanes) -> Plan:
+        """The plan of lanes behind one leader's motion, or one for each."""
+        followers, count = lanes.gaps.shape
+        x = np.zeros((followers + 1, count))
+        x[1:] = -np.cumsum(lanes.gaps + lanes.lengths, axis=0)
+        v = np.empty((followers + 1, count))
+        v[0], v[1:] = lanes.lead, lanes.speeds
+        groups = frame.groups.copy()
+        groups[:, GROUP["chained"]] &= count < _FEW_LANES
         platoon = Platoon(
             groups=groups,
-            slots=table,
-            addresses=addresses,
-            parameters=parameters,
-            length=np.ascontiguousarray(lengths).ravel(),
-            lag=_each(scenarios, lambda f: f.lag),
-            limits=np.stack([_each(scenarios, lambda f, i=i: (f.limits or (-math.inf, math.inf))[i]) for i in (0, 1)]),
-            needs=slots.needs_array(),
-            span=slots.span_array(),
+            slots=frame.slots,
+            addresses=np.array(
+                [
+                    _addresses(frame.scenario.followers[row], v)
+                    for (row, _), v in zip(frame.runs, _varying(frame, lanes.parameters), strict=True)
+                ]
+            ),
+            parameters=np.ascontiguousarray(lanes.parameters.reshape(lanes.parameters.shape[0], -1)),
+            length=np.ascontiguousarray(lanes.lengths).ravel(),
+            lag=np.ascontiguousarray(lanes.lag).ravel(),
+            limits=np.ascontiguousarray(lanes.limits).reshape(2, -1),
+            needs=frame.needs,
+            span=frame.span,
         )
-        jumps = _jumps(first, motions[0]) if first.scheme == "rk4" else None
-        mesh = build_mesh(first.end, first.dt or DEFAULT_DT, output_times(first), jumps)
-        delays = np.array(slots.delays, dtype=float)
         return cls(
-            scenarios, platoon, motions, delays, mesh, slots.late_accelerations_between(mesh),
-            bool(slots.accelerations),
-            x, v,
-            np.array([s.cruise for s in scenarios]),
+            frame.scenario, platoon, motions, frame.delays, frame.mesh, frame.extra, frame.hears_late_acceleration,
+            x, v, lanes.cruise,
         )  # fmt: skip
 
 
@@ -147,7 +202,7 @@ def all_jumps(found: Sequence[Jumps]) -> Jumps:
     return merge(list(unique.values()))
 
 
-def _runs(followers: Sequence[Vehicle], lanes: int) -> list[tuple[int, int]]:
+def _runs(followers: Sequence[Vehicle]) -> list[tuple[int, int]]:
     """Consecutive followers (first row, rows) that one compiled loop can serve."""
     runs: list[tuple[int, int]] = []
     last: tuple[Any, ...] | None = None
@@ -208,7 +263,7 @@ _QUANTITY = {"s": 0, "v": 1, "dv": 1, "a": 2, "vl": 1, "al": 2, "v0l": 1, "a0l":
 
 
 def _fill_group(
-    group: NDArray[np.int64], slots: NDArray[np.int64], vehicle: Vehicle, row: int, rows: int, slot: _Slots, lanes: int
+    group: NDArray[np.int64], slots: NDArray[np.int64], vehicle: Vehicle, row: int, rows: int, slot: _Slots
 ) -> None:
     law, channel = vehicle.model.law, vehicle.channel
     for i, signal in enumerate(law.signals):
@@ -223,7 +278,7 @@ def _fill_group(
     group[GROUP["lag"]] = vehicle.lag > 0
     group[GROUP["limits"]] = vehicle.limits is not None
     group[GROUP["serial"]] = hears_now and vehicle.lag == 0
-    group[GROUP["chained"]] = hears_now and plain and lanes < _FEW_LANES
+    group[GROUP["chained"]] = hears_now and plain
     group[GROUP["pure"]] = vehicle.lag == 0 and bool(np.all(slots[: len(law.signals)] >= 0))
 
 
@@ -238,8 +293,8 @@ def _addresses(vehicle: Vehicle, varying: tuple[str, ...]) -> tuple[int, int]:
     return plain, address(law, fixed, varying, _implicit(vehicle), True) if chained else 0
 
 
-def _parameters(scenarios: Sequence[Scenario], runs: list[tuple[int, int]]) -> tuple[Array, list[tuple[str, ...]]]:
-    """Parameters (most parameters of a law, M), and for each run those that differ within it (all or none)."""
+def _parameters(scenarios: Sequence[Scenario]) -> Array:
+    """Parameters (most parameters of a law, N, B)."""
     followers, lanes = len(scenarios[0].followers), len(scenarios)
     most = max(len(v.model.items) for v in scenarios[0].followers)
     table = np.zeros((max(most, 1), followers, lanes))
@@ -252,16 +307,16 @@ def _parameters(scenarios: Sequence[Scenario], runs: list[tuple[int, int]]) -> t
             for i, (_, x) in enumerate(vehicle.model.items):
                 table[i, n, b] = x
             last = vehicle
+    return table
+
+
+def _varying(frame: Frame, table: Array) -> list[tuple[str, ...]]:
+    """For each run of vehicles the parameters that differ within it (all or none)."""
     varying = []
-    for row, rows in runs:
-        law: Law = scenarios[0].followers[row].model.law
+    for row, rows in frame.runs:
+        law: Law = frame.scenario.followers[row].model.law
         part = table[: len(law.parameters), row : row + rows]
         differs = bool(np.any(part != part[:, :1, :1]))
         names = tuple(n for n, p in law.parameters.items() if not p.info.structural)
         varying.append(names if differs else ())
-    return np.ascontiguousarray(table.reshape(table.shape[0], -1)), varying
-
-
-def _each(scenarios: Sequence[Scenario], value: Any) -> Array:
-    """`value(vehicle)` as (M,) in the order [vehicle][lane]."""
-    return np.array([[value(v) for v in s.followers] for s in scenarios], dtype=float).T.ravel().copy()
+    return varying

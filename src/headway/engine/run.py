@@ -12,7 +12,7 @@ from headway.engine.leading import lead_ballistic, lead_exact
 from headway.engine.mesh import Lookup, look_up
 from headway.engine.plan import Plan
 
-__all__ = ["Result", "Run"]
+__all__ = ["Prepared", "Result", "Run"]
 
 Array = NDArray[np.float64]
 
@@ -33,20 +33,31 @@ class Result(NamedTuple):
     disturbed: NDArray[np.bool_]
 
 
-class Run:
-    """Integration of one plan. `go()` does it; `headway.engine.events` extends it for platoons alone."""
+#: steps by their first and last: of one frame and one leader's motion, or of one frame where every lane has its own
+Prepared = dict[tuple[int, int], layout.Steps]
 
-    def __init__(self, plan: Plan) -> None:
+
+class Run:
+    """Integration of one plan. `go()` does it; `headway.engine.events` extends it for platoons alone.
+
+    `prepared` is handed from batch to batch, so that they share what is prepared for the steps.
+    """
+
+    def __init__(self, plan: Plan, prepared: Prepared | None = None) -> None:
         self.plan, self.mesh = plan, plan.mesh
+        self.prepared = prepared
         self.rows, self.lanes = plan.x.shape
-        self.ballistic = plan.scenarios[0].scheme == "ballistic"
+        self.ballistic = plan.scenario.scheme == "ballistic"
         self.before = float(plan.delays.max(initial=0.0)) + 1.0
-        self.outputs = np.empty((3, int(self.mesh.record.sum()), self.rows * self.lanes))
+        self.outputs = np.empty((3, self._rows_kept(), self.rows * self.lanes))
         self.out_row = 0
         self.collision = np.full(self.rows, np.nan)
         self.made = 0  # steps made, which is also the node that has been reached
         self.chunk = int(np.clip(_PREPARED // (12 * len(plan.motions) * (1 + plan.delays.size)), 16, _CHUNK))
         self.state = self._initial_state(self._ring_size(0, self.mesh.steps))
+
+    def _rows_kept(self) -> int:
+        return int(self.mesh.record.sum())
 
     def go(self) -> Result:
         """Integrate to the end."""
@@ -80,6 +91,23 @@ class Run:
         return first + done, out_row
 
     def _steps(self, first: int, last: int, nodes: Array) -> layout.Steps:
+        """What the kernel needs to know of steps `first` … `last`-1; what batches share is prepared once."""
+        steps = None if self.prepared is None else self.prepared.get((first, last))
+        if steps is None:
+            steps = self._past(first, last, nodes)
+            if len(self.plan.motions) == 1:
+                steps = self._led(steps, first, last, nodes)
+            if self.prepared is not None:
+                self.prepared[first, last] = steps
+        return steps if steps.lead.size else self._led(steps, first, last, nodes)
+
+    def _led(self, steps: layout.Steps, first: int, last: int, nodes: Array) -> layout.Steps:
+        """Steps with the motion of their leaders."""
+        lead, late = (lead_ballistic if self.ballistic else lead_exact)(self.plan, nodes, first, last)
+        return steps._replace(lead=lead, delayed_lead=late)
+
+    def _past(self, first: int, last: int, nodes: Array) -> layout.Steps:
+        """Steps without their leaders."""
         mesh, plan = self.mesh, self.plan
         look = look_up(nodes, first, last, plan.delays, self.before, plan.extra, self.ballistic)
         flags = np.zeros(last - first, dtype=np.int64)
@@ -88,10 +116,10 @@ class Run:
         flags[look.inside] |= layout.FLAG_INSIDE
         if first == 0:
             flags[0] |= layout.FLAG_JUMP
-        lead, late = (lead_ballistic if self.ballistic else lead_exact)(plan, nodes, first, last)
+        none = np.empty((0, 0, 0, 0))
         return layout.Steps(
-            np.diff(nodes[first : last + 1]), flags, lead, late, look.row, look.motion, look.speed, look.acceleration,
-            self._nodes(look, first),
+            np.diff(nodes[first : last + 1]), flags, none, none[None], look.row, look.motion, look.speed,
+            look.acceleration, self._nodes(look, first),
         )  # fmt: skip
 
     def _nodes(self, look: Lookup, first: int) -> NDArray[np.int64]:
@@ -109,25 +137,34 @@ class Run:
     def _initial_state(self, ring_size: int) -> layout.State:
         p, elements = self.plan, self.rows * self.lanes
         followers = elements - self.lanes
-        ring = np.zeros((5, ring_size, elements))
+        state = layout.State(
+            ring=np.empty((5, ring_size, elements)),
+            two=np.empty(ring_size, dtype=np.int64),
+            K=np.empty((6, elements)),
+            J=np.empty((6, followers)),
+            actual=np.empty(elements),
+            stage=np.empty((2, elements)),
+            leader=np.empty((8, followers)),
+            looked=np.empty((p.delays.size, 2, 3, elements)),
+            command=np.empty((3, followers)),
+            sources=np.empty((8, 3), dtype=np.int64),
+            go=np.empty(followers),
+            watch=np.empty(followers),
+            happened=np.empty(followers),
+        )
+        self._begin(state)
+        return state
+
+    def _begin(self, state: layout.State) -> None:
+        """Set a state to the start of the plan."""
+        p, ring = self.plan, state.ring
+        for array in state:
+            array.fill(0)
         # history row 0 stands `before` seconds back: positions moved at the common speed, speeds were as now
         ring[0, 0] = (p.x - self.before * p.cruise).ravel()
         ring[0, 1], ring[1, 0], ring[1, 1] = p.x.ravel(), p.v.ravel(), p.v.ravel()
-        return layout.State(
-            ring=ring,
-            two=np.zeros(ring_size, dtype=np.int64),
-            K=np.zeros((6, elements)),
-            J=np.zeros((6, followers)),
-            actual=np.zeros(elements),
-            stage=np.zeros((2, elements)),
-            leader=np.zeros((8, followers)),
-            looked=np.zeros((p.delays.size, 2, 3, elements)),
-            command=np.zeros((3, followers)),
-            sources=np.zeros((8, 3), dtype=np.int64),
-            go=np.ones(followers),
-            watch=np.ones(followers),
-            happened=np.zeros(followers),
-        )
+        state.go.fill(1.0)
+        state.watch.fill(1.0)
 
     def _ring_size(self, first: int, last: int) -> int:
         """Rows that steps `first` … `last`-1 need: their own and all that the longest delay looks back over."""

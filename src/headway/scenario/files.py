@@ -20,11 +20,14 @@ from headway.scenario.recorded import Recorded
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["from_table", "from_toml", "load", "override", "read_table", "schema", "to_table", "to_toml"]
+__all__ = [
+    "FOLLOWER_KEYS", "assemble", "from_table", "from_toml", "load", "override", "read_table", "schema", "to_table",
+    "to_toml", "vehicles",
+]  # fmt: skip
 
 KINDS[Recorded.kind] = Recorded
 
-_FOLLOWER_KEYS = ("model", "parameters", "count", *(n for n in field_names(Vehicle) if n != "model"))
+FOLLOWER_KEYS = ("model", "parameters", "count", *(n for n in field_names(Vehicle) if n != "model"))
 _TOP_KEYS = ("leader", "followers", *(n for n in field_names(Scenario) if n not in ("leader", "followers")))
 
 
@@ -60,15 +63,18 @@ def _parse(text: str, place: str) -> dict[str, Any]:
 
 def from_table(table: Mapping[str, Any], models: Iterable[Law] = (), folder: str | os.PathLike[str] = ".") -> Scenario:
     """The scenario described by a table (see `docs/scenario.md`)."""
-    models = tuple(models)
     for key in table:
         if key not in _TOP_KEYS:
             raise unknown_name("key in the scenario", key, _TOP_KEYS)
     for key in ("leader", "followers"):
         if key not in table:
             raise HeadwayError(f"scenario.{key} is missing; a scenario needs a leader and followers")
+    return assemble(table, vehicles(table["followers"], models), folder)
+
+
+def assemble(table: Mapping[str, Any], followers: list[Vehicle], folder: str | os.PathLike[str] = ".") -> Scenario:
+    """The scenario of a table with these followers instead of those described in it."""
     rest = {k: v for k, v in table.items() if k not in ("leader", "followers")}
-    followers = _followers(table["followers"], models)
     return build(Scenario, {"leader": _leader(table["leader"], folder), "followers": followers, **rest}, "scenario")
 
 
@@ -84,19 +90,21 @@ def _leader(table: Any, folder: str | os.PathLike[str]) -> Disturbance:
     return build(kind, fields, "leader")
 
 
-def _followers(tables: Any, models: tuple[Law, ...]) -> list[Vehicle]:
+def vehicles(tables: Any, models: Iterable[Law] = ()) -> list[Vehicle]:
+    """The followers that one or more tables of a file describe, front to back."""
+    models = tuple(models)
     if isinstance(tables, Mapping):
         tables = [tables]
     if not isinstance(tables, list) or not tables:
         raise HeadwayError("followers must be one or more [[followers]] tables")
-    vehicles: list[Vehicle] = []
+    found: list[Vehicle] = []
     for i, table in enumerate(tables):
         place = f"followers.{i}"
         if not isinstance(table, Mapping):
             raise HeadwayError(f"{place} = {shorten(table)} is not a table")
         for key in table:
-            if key not in _FOLLOWER_KEYS:
-                raise unknown_name(f"key in {place}", key, _FOLLOWER_KEYS)
+            if key not in FOLLOWER_KEYS:
+                raise unknown_name(f"key in {place}", key, FOLLOWER_KEYS)
         if "model" not in table:
             raise HeadwayError(f"{place}.model is missing; allowed are {', '.join(sorted(BUILT_IN))}")
         law = find(str(table["model"]), models, f"{place}.model")
@@ -111,8 +119,8 @@ def _followers(tables: Any, models: tuple[Law, ...]) -> list[Vehicle]:
         except HeadwayError as error:
             raise HeadwayError(f"{place}.parameters: {error}") from None
         rest = {k: v for k, v in table.items() if k not in ("model", "parameters", "count")}
-        vehicles += [build(Vehicle, {"model": model, **rest}, place)] * count
-    return vehicles
+        found += [build(Vehicle, {"model": model, **rest}, place)] * count
+    return found
 
 
 def to_table(scenario: Scenario, complete: bool = False) -> dict[str, Any]:
@@ -175,11 +183,11 @@ def to_toml(scenario: Scenario) -> str:
     return tomli_w.dumps({**plain, **nested})
 
 
-def override(table: dict[str, Any], assignment: str) -> None:
+def override(table: dict[str, Any], assignment: str, more: tuple[str, ...] = ()) -> None:
     """Apply `path=value` to a raw table in place, e.g. `followers.0.parameters.T=1.1` or `leader.omega=0.3`.
 
     The value is read as TOML, or as text where it is none. Raises `HeadwayError` for a path that
-    leads nowhere.
+    leads nowhere. `more` are top-level keys that a scenario has not.
     """
     path, equals, text = assignment.partition("=")
     keys = path.strip().split(".")
@@ -191,10 +199,10 @@ def override(table: dict[str, Any], assignment: str) -> None:
         value = text.strip()
     place: Any = table
     for i, key in enumerate(keys[:-1]):
-        place = _step(place, key, keys[: i + 1], assignment)
+        place = _step(place, key, keys[: i + 1], assignment, more)
     last = keys[-1]
     if isinstance(place, list):
-        _step(place, last, keys, assignment)
+        _step(place, last, keys, assignment, more)
         place[int(last)] = value
     elif isinstance(place, dict):
         place[last] = value
@@ -202,17 +210,18 @@ def override(table: dict[str, Any], assignment: str) -> None:
         raise HeadwayError(f"--set {assignment}: {'.'.join(keys[:-1])} is not a table")
 
 
-def _step(place: Any, key: str, path: list[str], assignment: str) -> Any:
+def _step(place: Any, key: str, path: list[str], assignment: str, more: tuple[str, ...]) -> Any:
     here = ".".join(path)
     if isinstance(place, list):
         if not key.isdigit() or int(key) >= len(place):
             raise HeadwayError(f"--set {assignment}: {here} does not exist; entries are 0 to {len(place) - 1}")
         return place[int(key)]
     if isinstance(place, dict):
-        if len(path) == 1 and key not in _TOP_KEYS:
+        allowed = (*_TOP_KEYS, *more)
+        if len(path) == 1 and key not in allowed:
             raise HeadwayError(
-                f"--set {assignment}: {key!r} is not known; allowed are {', '.join(_TOP_KEYS)}"
-                f"{did_you_mean(key, _TOP_KEYS)}"
+                f"--set {assignment}: {key!r} is not known; allowed are {', '.join(allowed)}"
+                f"{did_you_mean(key, allowed)}"
             )
         return place.setdefault(key, {})
     raise HeadwayError(f"--set {assignment}: {'.'.join(path[:-1])} is not a table")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 from collections.abc import Mapping
@@ -131,7 +132,7 @@ class Scenario:
         """Simulated time [s]."""
         return float(self.leader.span if self.duration is None else self.duration)
 
-    @property
+    @functools.cached_property
     def motion(self) -> Motion:
         """Exact motion of the leader."""
         return self.leader.motion(self.seed, self.end)

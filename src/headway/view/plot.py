@@ -10,10 +10,12 @@ from __future__ import annotations
 from headway.view.files import save
 from headway.view.maps import panels, paper_map, stability_map
 from headway.view.stability import damping, gain_phase, responses, root_locus
+from headway.view.study import study_lines, study_map
 from headway.view.trajectories import accelerations, comparison, gaps, overview, spacing_errors, speeds, time_space
 from headway.view.waves import propagation
 
 __all__ = [
     "accelerations", "comparison", "damping", "gain_phase", "gaps", "overview", "panels", "paper_map", "propagation",
-    "responses", "root_locus", "save", "spacing_errors", "speeds", "stability_map", "time_space",
+    "responses", "root_locus", "save", "spacing_errors", "speeds", "stability_map", "study_lines", "study_map",
+    "time_space",
 ]  # fmt: skip

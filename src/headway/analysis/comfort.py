@@ -1,0 +1,80 @@
+"""How a ride feels: jerk and acceleration.
+
+Jerk is the derivative of the sampled acceleration, by central differences of second order. Where the acceleration
+jumps (a leader with corners in its speed, a law that switches) there is no jerk: what is sampled there grows as the
+samples get denser, and so do peak and r.m.s.; compare such runs at one output step only.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from headway.analysis.extremes import peak_of, rms_of
+from headway.analysis.measuring import Array, Signals, positive
+from headway.errors import HeadwayError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["jerk", "jerk_share", "peak_jerk", "rms_acceleration", "rms_jerk"]
+
+
+def jerk(dataset: xr.Dataset) -> xr.DataArray:
+    """Jerk [m/s³], (vehicle, time), positive as the acceleration rises; NaN beside and after a collision."""
+    signals, values = _jerk(dataset, "jerk")
+    return signals.series(values, "m/s³", "jerk")
+
+
+def rms_jerk(dataset: xr.Dataset) -> xr.DataArray:
+    """Root of the mean square jerk over time [m/s³] >= 0, until a collision."""
+    signals, values = _jerk(dataset, "rms_jerk")
+    return signals.result(rms_of(signals.time, values), "m/s³", "r.m.s. of jerk")
+
+
+def peak_jerk(dataset: xr.Dataset) -> xr.DataArray:
+    """Largest magnitude of jerk [m/s³] >= 0, refined between samples, until a collision."""
+    signals, values = _jerk(dataset, "peak_jerk")
+    return signals.result(peak_of(signals.time, values), "m/s³", "peak of jerk")
+
+
+def jerk_share(dataset: xr.Dataset, limit: float = 2.0) -> xr.DataArray:
+    """Share of the time [1], 0 to 1, in which |jerk| > `limit` [m/s³]; crossings are found between samples."""
+    signals, values = _jerk(dataset, "jerk_share")
+    positive("jerk_share", limit=limit)
+    step = np.diff(signals.time)
+    beyond = np.zeros(values.shape[:-1])
+    known = np.isfinite(values[..., :-1]) & np.isfinite(values[..., 1:])
+    for sign in (1.0, -1.0):
+        beyond += (step * _part_above(sign * values - limit)).sum(axis=-1)
+    total = (known * step).sum(axis=-1)
+    share = np.divide(beyond, total, out=np.full_like(beyond, np.nan), where=total > 0)
+    return signals.result(share, "1", f"share of time with jerk beyond {limit:g} m/s³")
+
+
+def rms_acceleration(dataset: xr.Dataset) -> xr.DataArray:
+    """Root of the mean square acceleration over time [m/s²] >= 0, unweighted, until a collision.
+
+    Unweighted: the weighting of ISO 2631-1 for motion sickness and vibration needs 0.1 to 80 Hz of a vehicle body,
+    which car following does not describe.
+    """
+    signals = Signals(dataset, "rms_acceleration", "acceleration")
+    values = rms_of(signals.time, signals["acceleration"])
+    return signals.result(values, "m/s²", "r.m.s. of acceleration, unweighted")
+
+
+def _jerk(dataset: xr.Dataset, measure: str) -> tuple[Signals, Array]:
+    signals = Signals(dataset, measure, "acceleration")
+    if signals.time.size < 3:
+        raise HeadwayError(f"{measure} needs at least 3 samples in time; this dataset has {signals.time.size}")
+    return signals, np.gradient(signals["acceleration"], signals.time, axis=-1, edge_order=2)
+
+
+def _part_above(values: Array) -> Array:
+    """The part of every interval between samples in which `values`, linear there, are positive; 0 where not known."""
+    y0, y1 = values[..., :-1], values[..., 1:]
+    most, least = np.maximum(y0, y1), np.minimum(y0, y1)
+    crossed = (most > 0) & (least < 0)
+    part = np.where(most > 0, 1.0, 0.0)
+    return np.divide(most, most - least, out=np.where(np.isnan(least), 0.0, part), where=crossed)

@@ -1,0 +1,175 @@
+"""How a disturbance dies: decrement, settling, overshoot, and norms from vehicle to vehicle."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from headway.analysis.extremes import extreme_of, peak_of, refined
+from headway.analysis.measuring import Array, Reference, Signals, checked, meaning, positive
+from headway.engine.quadrature import trapezoid
+from headway.errors import HeadwayError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["l2_ratio", "linf_ratio", "logarithmic_decrement", "overshoot", "settling_time"]
+
+#: speeds [m/s] and errors [m] that differ by less are the same
+_SAME = 1e-9
+
+
+def logarithmic_decrement(
+    dataset: xr.Dataset, signal: str = "spacing_error", after: float | None = None, floor: float = 0.02
+) -> xr.DataArray:
+    """Logarithm δ [1] of the ratio of successive peaks of `signal` after a disturbance; negative if they grow.
+
+    δ = -2 times the slope of ln |y_{j+1} - y_j| over j, by least squares over the swings between successive
+    extremes (refined between samples), from the largest on down to the share `floor` of it. Swings need no
+    rest value, and of a damped cosine they shrink by e^{-δ/2} exactly. The damping ratio is δ/sqrt(4π² + δ²).
+
+    after: when the disturbance is over [s]; the time from which the leader's speed stays the same if not
+    given. NaN where fewer than two swings are left (an aperiodic answer), and after a collision.
+    """
+    signals = Signals(dataset, "logarithmic_decrement", signal)
+    positive("logarithmic_decrement", floor=floor)
+    values = signals[signal]
+    end = np.broadcast_to(_end_of_disturbance(dataset, signals, after), values.shape[:-1]).ravel()
+    rows = values.reshape(-1, signals.time.size)
+    whole = np.isfinite(rows).all(axis=1)
+    signals.known(whole.reshape(values.shape[:-1]), signal)
+    found = np.full(rows.shape[0], np.nan)
+    for i in np.flatnonzero(whole):
+        found[i] = _decrement(_extremes(signals.time, rows[i], end[i]), floor)
+    decrement = found.reshape(values.shape[:-1])
+    return signals.result(decrement, "1", f"logarithmic decrement of {meaning(dataset, signal)}")
+
+
+def settling_time(
+    dataset: xr.Dataset, signal: str = "spacing_error", after: float | None = None, band: float = 0.05
+) -> xr.DataArray:
+    """Time [s] >= 0 from the end of a disturbance until `signal` stays within a band around its last value.
+
+    The band is ± `band` times the largest deviation from the last value in the whole record; its last crossing is
+    found between samples. `after` as in `logarithmic_decrement`. NaN where the signal still leaves
+    the band in the last tenth of the record (not settled), and after a collision.
+    """
+    signals = Signals(dataset, "settling_time", signal)
+    positive("settling_time", band=band)
+    time, values = signals.time, signals[signal]
+    signals.known(np.isfinite(values).all(axis=-1), signal)
+    end = _end_of_disturbance(dataset, signals, after)
+    away = np.abs(values - values[..., -1:])
+    limit = np.maximum(band * away.max(axis=-1), _SAME)
+    outside = away > limit[..., None]
+    last = time.size - 1 - np.argmax(outside[..., ::-1], axis=-1)
+    here = np.minimum(last, time.size - 2)
+    y0, y1 = (np.take_along_axis(away, at[..., None], axis=-1)[..., 0] for at in (here, here + 1))
+    with np.errstate(all="ignore"):
+        crossing = time[here] + np.diff(time)[here] * (y0 - limit) / (y0 - y1)
+    settled = np.where(outside.any(axis=-1), np.maximum(crossing - end, 0.0), 0.0)
+    late = crossing > time[-1] - 0.1 * (time[-1] - time[0])
+    bad = ~np.isfinite(values).all(axis=-1) | (outside.any(axis=-1) & late)
+    return signals.result(np.where(bad, np.nan, settled), "s", f"settling time of {meaning(dataset, signal)}")
+
+
+def overshoot(dataset: xr.Dataset, signal: str = "speed") -> xr.DataArray:
+    """How far [1] >= 0 each vehicle's `signal` leaves the leader's range, as a share of that range.
+
+    Behind a single step this is the usual overshoot; it means as much behind a step and back, a window or a
+    recorded leader. 0 for the leader. Collided vehicles are measured until then. Raises `HeadwayError` if the
+    leader's signal does not change.
+    """
+    signals = Signals(dataset, "overshoot", signal)
+    high, low = (extreme_of(signals.time, signals[signal], s) for s in (1.0, -1.0))
+    top, bottom = signals.reference(high, "leader"), signals.reference(low, "leader")
+    span = np.where(top - bottom > _SAME, top - bottom, np.nan)
+    if not np.isfinite(span).any():
+        raise HeadwayError(f"overshoot: the leader's {signal!r} does not change; there is nothing to overshoot")
+    beyond = np.maximum(np.maximum(high - top, bottom - low), 0.0)
+    return signals.result(beyond / span, "1", f"overshoot of {meaning(dataset, signal)} over the leader's range")
+
+
+def l2_ratio(
+    dataset: xr.Dataset, signal: str = "speed", to: Reference = "predecessor", about: float | None = None
+) -> xr.DataArray:
+    """Ratio [1] >= 0 of `sqrt(∫ (y - y(0))² dt)`, each vehicle to the one ahead or to the leader.
+
+    about: the value that deviations are taken from, in the signal's unit; each vehicle's value at the start of
+    the record if not given. Both norms run until the vehicle collides. NaN for the leader to its
+    predecessor and behind a vehicle that does not move. Over a record that ends before the wave has
+    passed the ratio is too small. Raises `HeadwayError` if the first vehicle does not deviate.
+    """
+    return _norm_ratio(dataset, "l2_ratio", signal, to, about)
+
+
+def linf_ratio(
+    dataset: xr.Dataset, signal: str = "speed", to: Reference = "predecessor", about: float | None = None
+) -> xr.DataArray:
+    """Ratio [1] >= 0 of `max |y - y(0)|` (refined between samples); otherwise as `l2_ratio`."""
+    return _norm_ratio(dataset, "linf_ratio", signal, to, about)
+
+
+def _norm_ratio(dataset: xr.Dataset, measure: str, signal: str, to: str, about: float | None) -> xr.DataArray:
+    signals = Signals(dataset, measure, signal)
+    values = signals[signal]
+    away = values - (values[..., :1] if about is None else checked(measure, "about", about))
+    weight = trapezoid(signals.time)
+
+    def norm(y: Array) -> Array:
+        if measure == "linf_ratio":
+            return peak_of(signals.time, y)
+        size = np.sqrt((np.where(np.isfinite(y), y, 0.0) ** 2 * weight).sum(axis=-1))
+        return np.where(np.isfinite(y).any(axis=-1), size, np.nan)
+
+    own = norm(away)
+    first = Signals.first(own)
+    if not (own[..., first] > _SAME).any():
+        raise HeadwayError(f"{measure}: {signal!r} of vehicle {signals.vehicle[first]} has an amplitude of zero")
+    ahead = signals.reference(away.swapaxes(-1, -2), to).swapaxes(-1, -2)
+    compared = norm(np.where(np.isfinite(away), ahead, np.nan))
+    ratio = own / np.where(compared > _SAME, compared, np.nan)
+    name = "L2" if measure == "l2_ratio" else "L∞"
+    return signals.result(ratio, "1", f"{name} norm of the deviation of {meaning(dataset, signal)} over the {to}'s")
+
+
+def _end_of_disturbance(dataset: xr.Dataset, signals: Signals, after: float | None) -> Array:
+    """When the leader has reached its last speed for good, (…, 1); or `after`."""
+    time, measure = signals.time, signals.measure
+    if after is not None:
+        if not time[0] <= checked(measure, "after", after) < time[-1]:
+            raise HeadwayError(
+                f"{measure}: after = {after:g} s is not within the record, {time[0]:g} to {time[-1]:g} s"
+            )
+        return np.array(float(after))
+    speed = Signals(dataset, measure, "speed")["speed"][..., :1, :]
+    if signals.vehicle[0] != 0:
+        raise HeadwayError(f"{measure}: the leader, vehicle 0, is not in this dataset; give after")
+    moving = np.abs(speed - speed[..., -1:]) > _SAME
+    last = np.where(moving.any(axis=-1), time.size - 1 - np.argmax(moving[..., ::-1], axis=-1), -1)
+    if (last >= time.size - 2).any():
+        raise HeadwayError(f"{measure}: the leader's speed changes until the record ends; give after")
+    return np.asarray(time[last + 1])
+
+
+def _extremes(time: Array, y: Array, after: float) -> Array:
+    """Local highest and least values of one signal later than `after`, in order, refined between samples."""
+    step = np.diff(y)
+    at = 1 + np.flatnonzero(((step[:-1] > 0) & (step[1:] <= 0)) | ((step[:-1] < 0) & (step[1:] >= 0)))
+    at = at[time[at] > after]
+    sign = np.where(step[at - 1] > 0, 1.0, -1.0)
+    around = sign * y[np.clip(at + np.arange(-2, 3)[:, None], 0, time.size - 1)]
+    return sign * refined(time, sign * y[at], at, around)
+
+
+def _decrement(extremes: Array, floor: float) -> float:
+    swings = np.abs(np.diff(extremes))
+    if swings.size < 2:
+        return np.nan
+    swings = swings[np.argmax(swings) :]
+    small = np.flatnonzero(swings < max(floor * swings[0], _SAME))
+    swings = swings[: small[0] if small.size else None]
+    if swings.size < 2:
+        return np.nan
+    return float(-2.0 * np.polyfit(np.arange(swings.size), np.log(swings), 1)[0])

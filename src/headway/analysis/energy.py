@@ -1,0 +1,134 @@
+"""What a ride costs: energy at the wheels by road load, and fuel by a polynomial.
+
+All is made of the speeds alone: between samples speed and acceleration are their means, `(v0 + v1)/2` and
+`(v1 - v0)/h`, so that kinetic energy adds up exactly, also where the acceleration jumps. Intervals of
+which an end is not known (after a collision) are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from headway.analysis.measuring import Array, Signals, checked
+from headway.errors import HeadwayError, unknown_name
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["RoadLoad", "combustion_energy", "electric_energy", "fuel", "kamal"]
+
+Per = Literal["run", "distance", "leader"]
+
+
+@dataclass(frozen=True)
+class RoadLoad:
+    """Longitudinal forces on a level road; the defaults are a mid-size passenger car, chosen for this program.
+
+    mass: [kg]; rotating: share of the mass that rotating parts add to its inertia; drag_area: c_d A [m²];
+    rolling: coefficient of rolling resistance; air_density: [kg/m³]; gravity: [m/s²].
+    """
+
+    mass: float = 1500.0
+    rotating: float = 0.04
+    drag_area: float = 0.66
+    rolling: float = 0.010
+    air_density: float = 1.2
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = checked("RoadLoad", field.name, getattr(self, field.name))
+            allowed = "above zero" if field.name == "mass" else "zero or more"
+            if value < 0 or (field.name == "mass" and value == 0):
+                raise HeadwayError(f"RoadLoad: {field.name} = {value:g} is not allowed; it is {allowed}")
+
+    def force(self, speed: Any, acceleration: Any) -> Any:
+        """`F = m (1 + k_r) a + ρ c_d A v²/2 + m g c_r` [N] at the wheels; negative where it takes brakes."""
+        inertia = self.mass * (1.0 + self.rotating) * np.asarray(acceleration)
+        drag = 0.5 * self.air_density * self.drag_area * np.square(speed)
+        return inertia + drag + self.mass * self.gravity * self.rolling
+
+
+def combustion_energy(dataset: xr.Dataset, load: RoadLoad | None = None, per: Per = "run") -> xr.DataArray:
+    """Energy at the wheels `∫ max(F, 0) v dt` >= 0 of a vehicle whose fuel is cut while F < 0.
+
+    load: the road load of all vehicles; that of `RoadLoad()` if not given. per: `run` [MJ], `distance` [MJ/100 km] or
+    `leader` [1], the ratio to what the leader needs while the vehicle is known. NaN where there is
+    no distance, or where the leader needs nothing. The efficiency of the engine is not in it.
+    """
+    return _total(dataset, "combustion_energy", _propulsion(load, 0.0), per, "MJ", "energy at the wheels, fuel cut")
+
+
+def electric_energy(
+    dataset: xr.Dataset, load: RoadLoad | None = None, per: Per = "run", regeneration: float = 0.6
+) -> xr.DataArray:
+    """Energy at the wheels less what braking gives back, `∫ (max(F, 0) + η min(F, 0)) v dt`.
+
+    regeneration: η, the share of the braking energy that is recovered, 0 to 1. May be negative for a
+    vehicle that only brakes. Otherwise as `combustion_energy`.
+    """
+    if not 0 <= checked("electric_energy", "regeneration", regeneration) <= 1:
+        raise HeadwayError(f"electric_energy: regeneration = {regeneration:g} is not a share from 0 to 1")
+    meant = f"energy at the wheels, {regeneration:.0%} of braking recovered"
+    return _total(dataset, "electric_energy", _propulsion(load, regeneration), per, "MJ", meant)
+
+
+def fuel(dataset: xr.Dataset, per: Per = "run") -> xr.DataArray:
+    """Fuel by Kamal's polynomial, see `kamal`: per `run` [mL], `distance` [mL/km] or `leader` [1]; >= 0."""
+    return _total(dataset, "fuel", kamal, per, "mL", "fuel")
+
+
+def kamal(speed: Any, acceleration: Any) -> Any:
+    """Fuel rate [mL/s] of a passenger car on a level road at `speed` [m/s] and `acceleration` [m/s²].
+
+    `0.1569 + 2.450e-2 v - 7.415e-4 v² + 5.975e-5 v³ + max(a, 0) (0.07224 + 9.681e-2 v + 1.075e-3 v²)`; no fuel cut.
+    Kamal, Mukai, Murata, Kawabe, IEEE Trans. Intell. Transp. Syst. 12, 783 (2011).
+    """
+    v, a = np.asarray(speed, dtype=float), np.maximum(acceleration, 0.0)
+    cruise = 0.1569 + v * (2.450e-2 + v * (-7.415e-4 + v * 5.975e-5))
+    return cruise + a * (0.07224 + v * (9.681e-2 + v * 1.075e-3))
+
+
+def _propulsion(load: RoadLoad | None, regeneration: float) -> Callable[[Array, Array], Array]:
+    road = RoadLoad() if load is None else load
+
+    def megawatts(v: Array, a: Array) -> Array:
+        force = road.force(v, a)
+        return 1e-6 * v * np.where(force < 0, regeneration * force, force)
+
+    return megawatts
+
+
+#: how far the distance of `per = "distance"` is [m], by the unit of what is spent
+_FAR = {"MJ": (1e5, "MJ/100 km"), "mL": (1e3, "mL/km")}
+
+
+def _total(
+    dataset: xr.Dataset, measure: str, rate: Callable[[Array, Array], Array], per: str, unit: str, meant: str
+) -> xr.DataArray:
+    if per not in get_args(Per):
+        raise unknown_name(f"{measure}: per", per, get_args(Per))
+    signals = Signals(dataset, measure, "speed")
+    step, speed = np.diff(signals.time), signals["speed"]
+    v = 0.5 * (speed[..., :-1] + speed[..., 1:])
+    spent = rate(v, np.diff(speed, axis=-1) / step) * step
+    known = np.isfinite(spent)
+
+    def total(values: Array) -> Array:
+        return np.where(known.any(axis=-1), np.where(known, values, 0.0).sum(axis=-1), np.nan)
+
+    own = total(spent)
+    if per == "run":
+        return signals.result(own, unit, meant)
+    if per == "distance":
+        far, unit = _FAR[unit]
+        compared, place = total(v * step) / far, "distance"
+    else:
+        ahead = signals.reference(spent.swapaxes(-1, -2), "leader").swapaxes(-1, -2)
+        compared, unit, place = total(ahead), "1", "that of the leader"
+    ratio = np.divide(own, compared, out=np.full_like(own, np.nan), where=compared > 0)
+    return signals.result(ratio, unit, f"{meant}, over {place}")

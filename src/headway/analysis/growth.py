@@ -1,0 +1,255 @@
+"""How a steady oscillation changes from vehicle to vehicle: amplitude, phase, shape.
+
+Over a whole number of periods at the end of the record each signal is fitted by
+
+    y(t) = c0 + c1 t + Σ_k Re(C_k e^{ikωt}),   k = 1 … K,
+
+by least squares with the weights of the trapezoid rule; constant and trend are thus removed, and samples
+need be neither dense nor evenly spaced. C_1 is the fundamental, which linear theory predicts
+(`Linear.gain`, `Linear.phase_lag`); the other C_k are what the law's nonlinearity adds. A vehicle that is
+NaN anywhere in the window (after a collision) is NaN here.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from headway.analysis.measuring import Array, Reference, Signals, meaning, positive
+from headway.engine.quadrature import trapezoid
+from headway.errors import HeadwayError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["amplitude_growth", "describing_function", "fundamental", "harmonic_distortion", "phase_lag", "time_lag"]
+
+Window = tuple[float, float]
+
+#: most harmonics that are fitted, the fundamental included
+_HARMONICS = 10
+#: amplitudes below this share of the signal's size are rounding
+_NOTHING = 1e-11
+
+
+def fundamental(
+    dataset: xr.Dataset, signal: str = "speed", omega: float | None = None, window: Window | None = None
+) -> xr.DataArray:
+    """Complex amplitude C_1 of `signal` at the forcing frequency, in its unit: `y ≈ |C_1| cos(ωt + arg C_1)`.
+
+    omega: angular frequency [rad/s]; that of the leader in the dataset's scenario if not given.
+    window: (start, end) [s] of the steady part, shortened at its start to whole periods; if not given, the
+    whole periods in the second half of the record, at least the last one.
+    Raises `HeadwayError` if not a single period fits, if a period has fewer than 5 samples, or if no
+    follower is known throughout the window.
+    """
+    fit = _fit(dataset, "fundamental", signal, omega, window)
+    unit = str(dataset[signal].attrs.get("units", "1"))
+    return fit.signals.result(fit.parts[0], unit, f"fundamental of {meaning(dataset, signal)}")
+
+
+def amplitude_growth(
+    dataset: xr.Dataset,
+    signal: str = "speed",
+    omega: float | None = None,
+    window: Window | None = None,
+    to: Reference = "predecessor",
+) -> xr.DataArray:
+    """Ratio [1] >= 0 of fundamentals |C_1|: each vehicle to the one ahead, or to the leader; above 1 it grew.
+
+    NaN for the leader (to itself it is 1), for vehicles that collided, and behind one that does not oscillate.
+    For signals that the leader lacks, the first follower takes its place. Arguments and errors as in
+    `fundamental`, and `HeadwayError` if the first vehicle has no amplitude at this frequency.
+    """
+    fit = _fit(dataset, "amplitude_growth", signal, omega, window)
+    c = fit.oscillating(signal)
+    ratio = np.abs(c) / np.abs(fit.signals.reference(c, to))
+    return fit.signals.result(ratio, "1", f"amplitude of {meaning(dataset, signal)} over that of the {to}")
+
+
+def phase_lag(
+    dataset: xr.Dataset,
+    signal: str = "speed",
+    omega: float | None = None,
+    window: Window | None = None,
+    to: Reference = "predecessor",
+) -> xr.DataArray:
+    """Angle [rad] by which each vehicle's fundamental lags behind the vehicle ahead, or the leader.
+
+    A single run tells a lag up to whole turns only. From vehicle to vehicle the one between -π/2 and 3π/2
+    is taken, as followers lag more than they lead; to the leader these are summed, so that the angle
+    unwraps down the string. Otherwise as `amplitude_growth`.
+    """
+    fit = _fit(dataset, "phase_lag", signal, omega, window)
+    return fit.signals.result(_lags(fit, signal, to), "rad", f"phase lag of {meaning(dataset, signal)} to the {to}")
+
+
+def time_lag(
+    dataset: xr.Dataset,
+    signal: str = "speed",
+    omega: float | None = None,
+    window: Window | None = None,
+    to: Reference = "predecessor",
+) -> xr.DataArray:
+    """`phase_lag` as a time [s]: the angle over ω."""
+    fit = _fit(dataset, "time_lag", signal, omega, window)
+    seconds = _lags(fit, signal, to) / fit.omega
+    return fit.signals.result(seconds, "s", f"time lag of {meaning(dataset, signal)} to the {to}")
+
+
+def harmonic_distortion(
+    dataset: xr.Dataset, signal: str = "speed", omega: float | None = None, window: Window | None = None
+) -> xr.DataArray:
+    """Total harmonic distortion THD_F [1] >= 0: `sqrt(Σ |C_k|², k = 2 … K) / |C_1|`, 0 for a pure sine.
+
+    K is 10, or less where a period has fewer than 23 samples. NaN where a vehicle does not oscillate. Arguments
+    and errors as in `amplitude_growth`.
+    """
+    fit = _fit(dataset, "harmonic_distortion", signal, omega, window)
+    overtones = np.sqrt(np.sum(np.abs(fit.parts[1:]) ** 2, axis=0))
+    ratio = overtones / np.abs(fit.oscillating(signal))
+    return fit.signals.result(ratio, "1", f"harmonic distortion of {meaning(dataset, signal)}")
+
+
+def describing_function(
+    runs: xr.Dataset | Sequence[xr.Dataset],
+    signal: str = "speed",
+    omega: float | None = None,
+    window: Window | None = None,
+    to: Reference = "predecessor",
+) -> xr.DataArray:
+    """Gain [1] against amplitude: `amplitude_growth` of runs that differ in the amplitude of their leader.
+
+    runs: several datasets (the result gets the dimension `run`), or one with an extra dimension, which is kept.
+    The coordinate `input_amplitude` holds, for every gain, the amplitude |C_1| of what the vehicle is
+    compared with, in the signal's unit. A linear law gives the same gain at every amplitude.
+    """
+    import xarray as xr
+
+    if isinstance(runs, xr.Dataset):
+        fit = _fit(runs, "describing_function", signal, omega, window)
+        c = fit.oscillating(signal)
+        ahead = np.abs(fit.signals.reference(c, to))
+        gain = fit.signals.result(np.abs(c) / ahead, "1", f"gain of {meaning(runs, signal)} to the {to}")
+        unit = str(runs[signal].attrs.get("units", "1"))
+        return gain.assign_coords(input_amplitude=fit.signals.result(ahead, unit, f"amplitude of the {to}"))
+    if not len(runs):
+        raise HeadwayError("describing_function needs at least one run")
+    parts = [describing_function(run, signal, omega, window, to) for run in runs]
+    if len({part.sizes["vehicle"] for part in parts}) > 1:
+        raise HeadwayError("describing_function: the runs differ in their number of vehicles")
+    return xr.concat(parts, dim="run", coords=["input_amplitude"], compat="override", join="override")
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Complex amplitudes `parts` (K, …, vehicle) of the harmonics of ω, and the size (…, vehicle) of the signal."""
+
+    signals: Signals
+    omega: float
+    start: float
+    end: float
+    parts: NDArray[np.complex128]
+    size: Array
+
+    def oscillating(self, name: str) -> NDArray[np.complex128]:
+        """The fundamental, NaN where it is nothing but rounding; `HeadwayError` if it is that for the first vehicle."""
+        c = np.where(np.abs(self.parts[0]) > _NOTHING * self.size, self.parts[0], np.nan)
+        first = Signals.first(self.parts[0])
+        if not np.isfinite(c[..., first]).any():
+            raise HeadwayError(
+                f"{self.signals.measure}: {name!r} of vehicle {self.signals.vehicle[first]} has an amplitude of zero "
+                f"at {self.omega:g} rad/s from {self.start:g} to {self.end:g} s; nothing to compare with"
+            )
+        return c
+
+
+def _fit(dataset: xr.Dataset, measure: str, signal: str, omega: float | None, window: Window | None) -> _Fit:
+    signals = Signals(dataset, measure, signal)
+    omega = _forcing(dataset, measure) if omega is None else omega
+    positive(measure, omega=omega)
+    start, end = _whole_periods(signals, omega, window)
+    part = signals.within((start, end))
+    time, rows = signals.time[part], np.ascontiguousarray(signals[signal][..., part])
+    weights = _weights(time, omega, _order(measure, time, omega, end - start))
+    # row by row and sum by sum: a signal among many has the bits of one alone
+    found = [(rows * w).sum(axis=-1) for w in weights]
+    parts = np.array([a - 1j * b for a, b in zip(found[::2], found[1::2], strict=True)])
+    signals.known(np.isfinite(parts[0]), signal, start, end)
+    return _Fit(signals, omega, start, end, parts, np.abs(rows).max(axis=-1))
+
+
+def _forcing(dataset: xr.Dataset, measure: str) -> float:
+    """ω of the leader, as the scenario in the attributes says."""
+    leader = tomllib.loads(dataset.attrs.get("scenario", "")).get("leader", {})
+    if "omega" not in leader:
+        kind = f"a {leader['kind']} leader has no single frequency" if leader else "the dataset has no scenario"
+        raise HeadwayError(f"{measure} needs omega, the forcing frequency in rad/s; {kind}")
+    return float(leader["omega"])
+
+
+def _whole_periods(signals: Signals, omega: float, window: Window | None) -> tuple[float, float]:
+    """The last part of the window that is a whole number of periods long."""
+    period = 2.0 * math.pi / omega
+    if window is None:
+        start, end = signals.time[0], signals.time[-1]
+        count = max(_count(0.5 * (end - start), period), min(1, _count(end - start, period)))
+        place = "record"
+    else:
+        signals.within(window)
+        start, end = window
+        count, place = _count(end - start, period), "window"
+    if count < 1:
+        raise HeadwayError(
+            f"{signals.measure}: the {place} from {start:g} to {end:g} s is shorter than one period of "
+            f"{omega:g} rad/s, {period:.4g} s"
+        )
+    return max(float(end) - count * period, float(start)), float(end)
+
+
+def _count(length: float, period: float) -> int:
+    return math.floor(length / period + 1e-9)
+
+
+def _order(measure: str, time: Array, omega: float, length: float) -> int:
+    """How many harmonics can be told apart."""
+    count = (time.size - 1) * 2.0 * math.pi / (omega * length)
+    if count < 5 - 1e-9:
+        raise HeadwayError(
+            f"{measure}: {count:.1f} samples a period of {omega:g} rad/s are too few; at least 5 are needed"
+        )
+    return min(_HARMONICS, math.floor((count + 1e-9 - 3) / 2))
+
+
+def _weights(time: Array, omega: float, order: int) -> Array:
+    """Rows (2 order, T): what each sample adds to the cosine and the sine part of each harmonic."""
+    span = time[-1] - time[0]
+    columns = [np.ones_like(time), (time - time[0]) / span - 0.5]
+    for k in range(1, order + 1):
+        columns += [np.cos(k * omega * time), np.sin(k * omega * time)]
+    rows = np.array(columns)
+    weighted = rows * trapezoid(time)
+    # over whole periods the columns are nearly orthogonal: normal equations lose nothing
+    return np.linalg.solve(weighted @ rows.T, weighted)[2:]
+
+
+def _lags(fit: _Fit, signal: str, to: str) -> Array:
+    c = fit.oscillating(signal)
+    ahead = fit.signals.reference(c, "predecessor")
+    with np.errstate(invalid="ignore"):
+        turned: NDArray[Any] = ahead / c
+    steps = np.angle(turned)
+    steps = np.where(steps < -0.5 * np.pi, steps + 2.0 * np.pi, steps)
+    if to == "predecessor":
+        return steps
+    fit.signals.reference(c, to)
+    first = Signals.first(c)
+    steps[..., first] = np.where(np.isfinite(c[..., first]), 0.0, np.nan)
+    steps[..., first:] = np.cumsum(steps[..., first:], axis=-1)
+    return steps

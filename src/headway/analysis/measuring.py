@@ -1,0 +1,152 @@
+"""What every measure of a trajectory dataset needs: its signals as arrays (…, vehicle, time), and the way back.
+
+A measure asks for `Signals`, computes on plain arrays whose last two axes are vehicle and time, whatever
+dimensions come before, and hands its values to `Signals.result`, which restores order and coordinates.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from headway.errors import HeadwayError, unknown_name
+from headway.schema import VARIABLES
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Array", "Reference", "Signals", "checked", "meaning", "positive"]
+
+Array = NDArray[np.float64]
+Reference = Literal["predecessor", "leader"]
+
+
+class Signals:
+    """Variables of a dataset as arrays (…, vehicle, time) that share all dimensions.
+
+    Raises `HeadwayError` if the dataset lacks one of them, if it has no dimension vehicle or time, if its
+    times do not rise, or if a variable is known of no follower.
+    """
+
+    def __init__(self, dataset: xr.Dataset, measure: str, *names: str) -> None:
+        import xarray as xr
+
+        self.measure = measure
+        for name in names:
+            if name not in dataset:
+                held = ", ".join(map(str, dataset)) or "none"
+                raise HeadwayError(f"{measure} needs the variable {name!r}; this dataset has {held}")
+        arrays = xr.broadcast(*(dataset[name] for name in names))
+        self._like = arrays[0]
+        for dim in ("vehicle", "time"):
+            if dim not in self._like.dims:
+                dims = ", ".join(map(str, self._like.dims)) or "none"
+                raise HeadwayError(f"{measure} needs the dimension {dim}; {names[0]!r} has {dims}")
+        ordered = [a.transpose(..., "vehicle", "time") for a in arrays]
+        self._ordered = ordered[0]
+        self.time = np.asarray(dataset["time"].values, dtype=float)
+        if self.time.size == 0:
+            raise HeadwayError(f"{measure}: the dataset has no times")
+        if not np.all(np.diff(self.time) > 0):
+            raise HeadwayError(f"{measure}: the times of the dataset do not rise from sample to sample")
+        self.vehicle = np.asarray(dataset["vehicle"].values)
+        self._values = {n: np.asarray(a.values, dtype=float) for n, a in zip(names, ordered, strict=True)}
+        for name, values in self._values.items():
+            self.known(np.isfinite(values).any(axis=-1), name)
+
+    def __getitem__(self, name: str) -> Array:
+        return self._values[name]
+
+    def known(self, which: Any, name: str, start: float | None = None, end: float | None = None) -> None:
+        """Raise `HeadwayError` unless `which` (…, vehicle) holds for a follower; a dataset of a leader alone passes."""
+        followers = which[..., self.vehicle != 0]
+        if followers.size and not followers.any():
+            start, end = self.time[0] if start is None else start, self.time[-1] if end is None else end
+            why = "they have all collided, or stand behind a collision"
+            if name == "policy_error":
+                why += ", or their laws have no equilibrium gap"
+            raise HeadwayError(f"{self.measure}: {name!r} of no follower is known from {start:g} to {end:g} s; {why}")
+
+    def within(self, window: tuple[float, float]) -> slice:
+        """The samples within `window` [s]; `HeadwayError` if it is not a part of the record."""
+        start, end = self._span(window)
+        slack = 1e-9 * max(1.0, abs(end))
+        first, last = np.searchsorted(self.time, [start - slack, end + slack]).tolist()
+        if first == last:
+            raise HeadwayError(f"{self.measure}: there is no sample from {start:g} to {end:g} s")
+        return slice(first, last)
+
+    def _span(self, window: tuple[float, float]) -> tuple[float, float]:
+        try:
+            start, end = (float(t) for t in window)
+        except (TypeError, ValueError):
+            raise HeadwayError(f"{self.measure}: window = {window!r} is not a pair (start, end) of times") from None
+        first, last = self.time[0], self.time[-1]
+        slack = 1e-9 * max(1.0, abs(last))
+        if not (first - slack <= start < end <= last + slack):
+            raise HeadwayError(
+                f"{self.measure}: the window from {start:g} to {end:g} s is not a part of the record, "
+                f"{first:g} to {last:g} s"
+            )
+        return start, end
+
+    def reference(self, values: NDArray[Any], to: str) -> NDArray[Any]:
+        """What each vehicle of `values` (…, vehicle) is compared with: the vehicle ahead, or the first that has one."""
+        if to not in get_args(Reference):
+            raise unknown_name(f"{self.measure}: to", to, get_args(Reference))
+        if np.any(np.diff(self.vehicle) != 1):
+            raise HeadwayError(f"{self.measure} needs vehicles that follow one another; these are {list(self.vehicle)}")
+        if to == "leader":
+            if self.vehicle[0] != 0:
+                raise HeadwayError(f"{self.measure}: the leader, vehicle 0, is not in this dataset")
+            first = self.first(values)
+            return np.broadcast_to(values[..., first : first + 1], values.shape)
+        ahead = np.full_like(values, np.nan)
+        ahead[..., 1:] = values[..., :-1]
+        return ahead
+
+    @staticmethod
+    def first(values: NDArray[Any]) -> int:
+        """Number of the first vehicle of `values` (…, vehicle) that is known: 1 for what a leader has not."""
+        known = np.isfinite(values).reshape(-1, values.shape[-1]).any(axis=0)
+        return int(np.argmax(known))
+
+    def result(self, values: Any, unit: str, long_name: str) -> xr.DataArray:
+        """`values` (…, vehicle) with the dimensions, coordinates and order of the dataset."""
+        return self._named(self._ordered.isel(time=0, drop=True).copy(data=values), unit, long_name)
+
+    def series(self, values: Array, unit: str, long_name: str) -> xr.DataArray:
+        """`values` (…, vehicle, time) likewise."""
+        return self._named(self._ordered.copy(data=values), unit, long_name)
+
+    def _named(self, array: xr.DataArray, unit: str, long_name: str) -> xr.DataArray:
+        array = array.transpose(*(d for d in self._like.dims if d in array.dims)).rename(self.measure)
+        array.attrs = {"units": unit, "long_name": long_name}
+        return array
+
+
+def meaning(dataset: xr.Dataset, name: str) -> str:
+    """What a variable of `dataset` means, in words."""
+    known = VARIABLES[name].long_name if name in VARIABLES else name
+    return str(dataset[name].attrs.get("long_name", known))
+
+
+def positive(measure: str, **values: float) -> None:
+    """Raise `HeadwayError` for the first of `values` that is not a positive finite number."""
+    for name, value in values.items():
+        if not (checked(measure, name, value) > 0):
+            raise HeadwayError(f"{measure}: {name} = {value:g} is not positive")
+
+
+def checked(measure: str, name: str, value: Any) -> float:
+    """`value` as a finite number; `HeadwayError` if it is none."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise HeadwayError(f"{measure}: {name} = {value!r} is not a finite number")
+    return number

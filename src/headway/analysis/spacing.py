@@ -1,0 +1,89 @@
+"""Where a platoon settles: steady errors, time gaps, and the flow that its spacing allows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from headway.analysis.extremes import extreme_of
+from headway.analysis.measuring import Array, Signals, checked, meaning
+from headway.engine.quadrature import trapezoid
+from headway.errors import HeadwayError
+from headway.models import Model
+from headway.scenario.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["least_time_gap", "steady_error", "throughput", "time_gap"]
+
+
+def steady_error(
+    dataset: xr.Dataset, signal: str = "spacing_error", window: tuple[float, float] | None = None
+) -> xr.DataArray:
+    """Mean of `signal` (`spacing_error` or `policy_error`, in m) over `window` [s], by the trapezoid rule.
+
+    The last tenth of the record if no window is given; take whole periods of an oscillation. NaN for vehicles
+    that are not known throughout the window (after a collision); `HeadwayError` if no follower is.
+    """
+    signals = Signals(dataset, "steady_error", signal)
+    last = signals.time[-1]
+    part = slice(-1, None)
+    if window is not None or signals.time.size > 1:
+        part = signals.within((last - 0.1 * (last - signals.time[0]), last) if window is None else window)
+    values, weight = signals[signal][..., part], trapezoid(signals.time[part])
+    if not weight.sum() > 0:  # a single sample
+        weight = np.ones_like(weight)
+    mean = (values * weight).sum(axis=-1) / weight.sum()
+    signals.known(np.isfinite(mean), signal, float(signals.time[part][0]), float(signals.time[part][-1]))
+    return signals.result(mean, str(dataset[signal].attrs.get("units", "m")), f"steady {meaning(dataset, signal)}")
+
+
+def time_gap(dataset: xr.Dataset) -> xr.DataArray:
+    """Time gap `s/v` [s], (vehicle, time): infinite at standstill, NaN where there is no gap."""
+    signals = Signals(dataset, "time_gap", "gap", "speed")
+    return signals.series(_time_gap(signals), "s", "time gap")
+
+
+def least_time_gap(dataset: xr.Dataset) -> xr.DataArray:
+    """Least time gap [s] over time, refined between samples; below 1 s is critical.
+
+    Infinite for a vehicle that never moves, NaN for the leader; after a contact (gap <= 0) nothing counts.
+    """
+    signals = Signals(dataset, "least_time_gap", "gap", "speed")
+    gap = _time_gap(signals)
+    known = ~np.isnan(gap)
+    known &= ~np.logical_or.accumulate(signals["gap"] <= 0, axis=-1)
+    least = extreme_of(signals.time, np.where(known, gap, np.nan), -1.0)
+    least = np.where(known.any(axis=-1) & np.isnan(least), np.inf, least)
+    return signals.result(least, "s", "least time gap")
+
+
+def _time_gap(signals: Signals) -> Array:
+    gap, speed = signals["gap"], signals["speed"]
+    moving = speed > 0
+    found = np.divide(gap, speed, out=np.full_like(gap, np.inf), where=moving)
+    return np.where(np.isnan(gap) | np.isnan(speed), np.nan, found)
+
+
+def throughput(vehicle: Vehicle | Model, speed: Any, length: float | None = None, gap: Any = None) -> Any:
+    """Flow at equilibrium, `3600 v / (s_e(v) + length)` [vehicles/h], of a lane full of `vehicle` at `speed` [m/s].
+
+    speed: a number, or an array (then NaN where there is no equilibrium); the result has its shape.
+    length: [m]; the vehicle's own, 5 m for a bare model, if not given. gap: [m], where every gap is an
+    equilibrium (GMM). Raises `HeadwayError` if there is no equilibrium at a single speed.
+    """
+    car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
+    size = car.length if length is None else checked("throughput", "length", length)
+    if size < 0:
+        raise HeadwayError(f"throughput: length = {size:g} m is negative")
+    v = np.asarray(speed, dtype=float)
+    if gap is not None:
+        s = np.asarray(gap, dtype=float)
+    else:
+        s = np.asarray(car.model.equilibrium_gap(float(v)) if v.ndim == 0 else car.model.desired_gap(v))
+    if np.any(s + size <= 0):
+        raise HeadwayError(f"throughput: gap and length add up to {float(np.min(s + size)):g} m, which is not positive")
+    flow = 3600.0 * v / (s + size)
+    return float(flow) if flow.ndim == 0 else flow

@@ -1,0 +1,121 @@
+"""A batch of which only extremes and squares are kept; see `headway.engine.reduce`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from headway.engine import layout
+from headway.engine.plan import Plan
+from headway.engine.quadrature import trapezoid
+from headway.engine.reduce import AT_ONCE, EXTREMES, QUANTITIES, SQUARE, Kept, finish_kept, reduced, reduced_ballistic
+from headway.engine.run import Prepared, Run
+
+__all__ = ["ABOUT_GAPS", "EXTREMES", "QUANTITIES", "SQUARE", "Measured", "Reduction"]
+
+Array = NDArray[np.float64]
+
+#: signals that the leader has not
+ABOUT_GAPS = ("gap", "relative_speed", "spacing_error")
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What was kept of one signal in lanes of one batch. N+1 vehicles, B lanes; the leader has no gap (NaN).
+
+    `best` (2, N+1, B) highest sample of y and of -y, `place` (2, N+1, B) its number, `around`
+    (2, 5, N+1, B) it and its neighbours, `mean_square` (N+1, B).
+    """
+
+    best: Array
+    place: NDArray[np.int64]
+    around: Array
+    mean_square: Array
+
+
+class Measured(Run):
+    """Integration of plans whose trajectories are reduced on the way. `wanted`: signal → `EXTREMES | SQUARE`."""
+
+    def __init__(self, plan: Plan, wanted: Mapping[str, int], prepared: Prepared | None = None) -> None:
+        super().__init__(plan, prepared)
+        count, elements = len(wanted), self.rows * self.lanes
+        self.wanted = tuple(wanted)
+        self.time = self.mesh.time[self.mesh.record]
+        self.kept = Kept(
+            what=np.array([(QUANTITIES.index(n), mode) for n, mode in wanted.items()], dtype=np.int64).reshape(-1, 2),
+            weight=trapezoid(self.time),
+            length=np.empty(elements - self.lanes),
+            start=np.empty(elements - self.lanes),
+            recent=np.empty((count, AT_ONCE + 4, elements)),
+            best=np.empty((count, 2, elements)),
+            place=np.empty((count, 2, elements), dtype=np.int64),
+            around=np.empty((count, 2, 5, elements)),
+            square=np.empty((count, elements)),
+            rows=np.zeros(AT_ONCE, dtype=np.int64),
+            right=np.zeros(AT_ONCE, dtype=np.int64),
+        )
+        self._clear()
+
+    def again(self, plan: Plan, prepared: Prepared | None) -> None:
+        """Begin with another plan of the same frame and as many lanes, in the memory that is there."""
+        self.plan, self.prepared, self.made, self.out_row = plan, prepared, 0, 0
+        self._begin(self.state)
+        self._clear()
+
+    def _clear(self) -> None:
+        kept, x = self.kept, self.plan.x
+        kept.length[:] = self.plan.platoon.length
+        kept.start[:] = x[:-1].ravel() - kept.length - x[1:].ravel()
+        kept.recent.fill(np.nan)
+        kept.best.fill(-np.inf)
+        for array in (kept.place, kept.around, kept.square):
+            array.fill(0)
+        self.number = 0
+
+    def _rows_kept(self) -> int:
+        return 1
+
+    def _ring_size(self, first: int, last: int) -> int:
+        return super()._ring_size(first, last) + AT_ONCE
+
+    def advance(self, first: int, last: int, detect: int, nodes: Array) -> tuple[int, int]:
+        steps = self._steps(first, last, nodes)
+        silent = steps._replace(flags=steps.flags & ~layout.FLAG_RECORD)
+        rest = (
+            self.plan.platoon, silent, self.mesh.record[first:last], self.state, self.kept, self.number, self.outputs,
+            self.lanes,
+        )  # fmt: skip
+        if self.ballistic:
+            self.number = reduced_ballistic(last - first, first + 1, *rest)
+        else:
+            self.number = reduced(last - first, first + 1, self.plan.extra, *rest)
+        return last, 0
+
+    def measure(self) -> tuple[dict[str, Reduction], NDArray[np.bool_]]:
+        """Integrate to the end: what was kept of each signal, and lanes (B,) that have to be stepped on exactly."""
+        while self.made < self.mesh.steps:
+            self.made, _ = self.advance(
+                self.made, min(self.made + self.chunk, self.mesh.steps), layout.NOTE, self.mesh.time
+            )
+        ring, row = self.state.ring, (self.mesh.steps + 1) % self.state.ring.shape[1]
+        finish_kept(self.kept, self.number, row, ring, self.lanes)
+        # what is not finite once never is again
+        end = ring[:, row].reshape(5, self.rows, self.lanes)[[0, 1, 3]]
+        happened = np.any(self.state.happened.reshape(-1, self.lanes) != 0.0, axis=0)
+        disturbed = happened | ~np.isfinite(end).all(axis=(0, 1))
+        shape = (self.rows, self.lanes)
+        total, kept = float(np.cumsum(self.kept.weight)[-1]), self.kept
+        found = {}
+        for q, name in enumerate(self.wanted):
+            best = np.where(np.isfinite(kept.best[q]), kept.best[q], np.nan)
+            found[name] = Reduction(
+                best.reshape(2, *shape), kept.place[q].reshape(2, *shape).copy(),
+                kept.around[q].reshape(2, 5, *shape).copy(),
+                (kept.square[q] / total).reshape(shape),
+            )  # fmt: skip
+            if name in ABOUT_GAPS:
+                found[name].mean_square[0] = np.nan
+        return found, disturbed

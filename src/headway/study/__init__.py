@@ -1,0 +1,1 @@
+"""Many runs: any fields of a scenario as axes, on one machine or many."""

@@ -1,0 +1,162 @@
+"""Points of one structure as lanes: what varies from lane to lane is put into arrays, not into scenarios."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from headway.engine.plan import Frame, Lanes, structure
+from headway.engine.run import Prepared
+from headway.errors import HeadwayError
+from headway.study.paths import Target, parameter_of
+from headway.study.starts import equilibrium_gaps
+from headway.study.templates import Origin, Template
+
+__all__ = ["Fast", "Kind", "Pool", "lanes_of", "out_of_bounds"]
+
+Array = NDArray[np.float64]
+
+#: most bytes of prepared steps that are kept for later batches
+_KEPT_BYTES = 150_000_000
+
+#: bytes that a step and a delay take there, about
+_STEP_BYTES = 650
+
+
+@dataclass(frozen=True)
+class Fast:
+    """A parameter of laws that every lane may have for itself: the fields it is and its values (lanes,)."""
+
+    path: str
+    targets: tuple[Target, ...]
+    values: Array
+
+    def of(self, origin: Origin) -> str | None:
+        """The parameter that it is of vehicles described at `origin`, if of any."""
+        return next((parameter_of(t) for t in self.targets if t[:2] == origin), None)
+
+
+@dataclass(eq=False)
+class Kind:
+    """A template and what the engine knows of it."""
+
+    template: Template
+    structure: tuple[Any, ...]
+    leader: tuple[Any, ...]  # equal for those behind the same motion
+
+    @classmethod
+    def of(cls, template: Template) -> Kind:
+        s = template.scenario
+        seed = s.seed if s.leader.kind == "noise" else 0
+        return cls(template, structure(s), (s.leader, seed, s.end, s.cruise))
+
+    @functools.cached_property
+    def base(self) -> Lanes:
+        """Its own numbers, as one lane."""
+        return Lanes.of([self.template.scenario], [self.template.scenario.motion])
+
+
+@dataclass
+class Pool:
+    """Frames and prepared steps by structure and leader, the latest used; shared by threads."""
+
+    frames: dict[Any, Frame] = field(default_factory=dict)
+    prepared: dict[Any, Prepared] = field(default_factory=dict)
+    bytes: int = 0
+
+    def frame(self, kind: Kind) -> Frame:
+        """The frame of a structure."""
+        frame = self.frames.get(kind.structure)
+        if frame is None:
+            if len(self.frames) >= 512:
+                self.frames.clear()
+            frame = self.frames[kind.structure] = Frame.of(kind.template.scenario)
+        return frame
+
+    def steps(self, kind: Kind, shared: bool) -> Prepared:
+        """What is prepared for batches behind the leader of `kind`, or behind many leaders."""
+        key = (kind.structure, kind.leader if shared else None)
+        found = self.prepared.get(key)
+        if found is None:
+            frame = self.frame(kind)
+            size = frame.mesh.steps * (1 + frame.delays.size) * _STEP_BYTES
+            if self.bytes + size > _KEPT_BYTES:
+                self.prepared, self.bytes = {}, 0  # runs under way keep theirs
+            found = {}
+            if size <= _KEPT_BYTES:
+                self.prepared[key] = found
+                self.bytes += size
+        return found
+
+
+def out_of_bounds(kind: Kind, fast: Sequence[Fast], lanes: int) -> dict[int, str]:
+    """Why lanes are not allowed, by number: parameters that are not numbers or out of their bounds."""
+    found: dict[int, str] = {}
+    laws = {o: v.model.law for o, v in zip(kind.template.origins, kind.template.scenario.followers, strict=True)}
+    for axis in fast:
+        for origin, law in laws.items():
+            name = axis.of(origin)
+            if name is None:
+                continue
+            parameter = law.parameters[name]
+            good = (axis.values >= parameter.info.low) & (axis.values <= parameter.info.high)
+            for lane in np.flatnonzero(~(good & np.isfinite(axis.values))):
+                try:
+                    parameter.check(axis.values[lane], law.name)
+                except HeadwayError as error:
+                    found.setdefault(int(lane), f"{'.'.join(map(str, origin))}.parameters: {error}")
+    return found
+
+
+def lanes_of(kind: Kind, fast: Sequence[Fast], lanes: int) -> Lanes:
+    """The numbers of lanes of one template; gaps are NaN where the equilibrium has to be asked singly."""
+    scenario, base = kind.template.scenario, kind.base
+
+    def wide(array: Array) -> Array:
+        return np.broadcast_to(array, (*array.shape[:-1], lanes))
+
+    parameters = np.repeat(base.parameters, lanes, axis=2)
+    gaps = np.repeat(base.gaps, lanes, axis=1)
+    known: dict[Origin, Array] = {}
+    offsets = dict(scenario.gap_offsets)
+    for n, (origin, vehicle) in enumerate(zip(kind.template.origins, scenario.followers, strict=True)):
+        law = vehicle.model.law
+        varied = {name: axis.values for axis in fast if (name := axis.of(origin)) is not None}
+        if not varied:
+            continue
+        for i, name in enumerate(law.parameters):
+            if name in varied:
+                parameters[i, n] = varied[name]
+        if scenario.gaps is None:
+            if origin not in known:
+                known[origin] = equilibrium_gaps(law, {**vehicle.model.parameters, **varied}, scenario.cruise, lanes)
+            gap = known[origin]
+            gap = np.where(gap > 0, gap, np.nan) + offsets.get(n + 1, 0.0)
+            gaps[n] = np.where(gap > 0, gap, np.nan)
+    return Lanes(
+        gaps=gaps,
+        lengths=wide(base.lengths),
+        speeds=wide(base.speeds),
+        cruise=wide(base.cruise),
+        lead=wide(base.lead),
+        parameters=parameters,
+        lag=wide(base.lag),
+        limits=wide(base.limits),
+    )
+
+
+def joined(parts: Sequence[Lanes]) -> Lanes:
+    """Lanes of several templates of one structure, side by side."""
+    if len(parts) == 1:
+        return parts[0]
+    return Lanes(**{n: np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in Lanes.__dataclass_fields__})
+
+
+def chosen_lanes(lanes: Lanes, which: Any) -> Lanes:
+    """Some of the lanes: a slice or numbers."""
+    return Lanes(**{n: getattr(lanes, n)[..., which] for n in Lanes.__dataclass_fields__})

@@ -1,0 +1,145 @@
+"""What the name of an axis stands for: fields in the table of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from headway.errors import HeadwayError, did_you_mean, unknown_name
+from headway.models import RADIO, SIGNALS, Law
+from headway.models.registry import find
+from headway.scenario.disturbance import KINDS
+from headway.scenario.fields import field_names
+from headway.scenario.files import FOLLOWER_KEYS
+from headway.scenario.scenario import Scenario
+from headway.scenario.vehicle import Vehicle
+
+__all__ = ["ORDER", "SHARE", "Target", "assign", "parameter_of", "resolve"]
+
+#: keys that lead to a field, e.g. ("followers", 0, "parameters", "T")
+Target = tuple[str | int, ...]
+
+ORDER, SHARE = "order", "share"
+
+_TOP = tuple(n for n in field_names(Scenario) if n not in ("leader", "followers", "name", "description"))
+_VEHICLE = tuple(n for n in field_names(Vehicle) if n != "model")
+
+
+def resolve(path: str, table: Mapping[str, Any], laws: tuple[Law, ...], free: bool = False) -> tuple[Target, ...]:
+    """The fields that `path` names in a study's table; `HeadwayError` if it names nothing.
+
+    `free`: models or the leader's kind vary too, so that their fields cannot be checked beforehand.
+    """
+    head, *rest = path.split(".")
+    if head == ORDER and not rest:
+        return ((ORDER,),)
+    if head == SHARE:
+        return (_share(path, rest, table, laws),)
+    if head == "leader" and len(rest) == 1:
+        allowed = ("kind", *field_names(KINDS[table["leader"]["kind"]]))
+        if not free and rest[0] not in allowed:
+            raise unknown_name(f"axes.{path}: field of a {table['leader']['kind']} leader", rest[0], allowed)
+        return (("leader", rest[0]),)
+    if head == "types" and len(rest) >= 2:
+        if rest[0] not in table["types"]:
+            raise unknown_name(f"axes.{path}: type", rest[0], table["types"])
+        return _of_vehicle(path, ("types", rest[0]), rest[1:], table["types"][rest[0]], laws, free)
+    if head == "followers" and rest and rest[0].isdigit():
+        if int(rest[0]) >= len(table["followers"]) or len(rest) == 1:
+            last = len(table["followers"]) - 1
+            raise HeadwayError(f"axes.{path} is not a field of a [[followers]] table; they are followers.0 to {last}")
+        i = int(rest[0])
+        return _of_vehicle(path, ("followers", i), rest[1:], table["followers"][i], laws, free)
+    if head == "followers" and rest:
+        return _of_all(path, rest, table, laws, free)
+    if head in _TOP and len(rest) <= 1:
+        if rest and head not in ("gap_offsets", "speed_offsets", "gaps"):
+            raise HeadwayError(f"axes.{path}: {head} is a single number")
+        return ((head, *rest),)
+    if head in _VEHICLE:
+        return _of_all(path, [head, *rest], table, laws, free)
+    known = {p for t in _tables(table).values() for p in _law(t, laws).parameters}
+    if not rest and (head in known or free):
+        return _of_all(path, ["parameters", head], table, laws, free)
+    names = sorted({*known, *_TOP, *_VEHICLE, "leader.…", "followers.…", "order", "share.…"})
+    near = did_you_mean(path, [*known, *_TOP, *_VEHICLE, "order"])
+    raise HeadwayError(f"axes.{path} names no field of the scenario; allowed are {', '.join(names)}{near}")
+
+
+def _share(path: str, rest: list[str], table: Mapping[str, Any], laws: tuple[Law, ...]) -> Target:
+    models = [_law(t, laws).name for t in table["followers"]]
+    allowed = [*table["types"], *dict.fromkeys(models)]
+    if len(rest) != 1 or rest[0] not in allowed:
+        raise unknown_name(f"axes.{path}: type of vehicle", ".".join(rest), allowed)
+    return SHARE, rest[0]
+
+
+def _tables(table: Mapping[str, Any]) -> dict[Target, dict[str, Any]]:
+    """Tables of all vehicles: groups of followers, then types."""
+    groups: dict[Target, dict[str, Any]] = {("followers", i): t for i, t in enumerate(table["followers"])}
+    return groups | {("types", name): t for name, t in table["types"].items()}
+
+
+def _law(table: Mapping[str, Any], laws: tuple[Law, ...]) -> Law:
+    return find(str(table["model"]), laws, "model")
+
+
+def _of_all(
+    path: str, rest: list[str], table: Mapping[str, Any], laws: tuple[Law, ...], free: bool
+) -> tuple[Target, ...]:
+    """The field of every vehicle; of a parameter, of those whose law has it."""
+    tables = _tables(table)
+    if rest[0] == "parameters" and len(rest) == 2 and not free:
+        chosen = {t: v for t, v in tables.items() if rest[1] in _law(v, laws).parameters}
+        if not chosen:
+            known = sorted({p for v in tables.values() for p in _law(v, laws).parameters})
+            raise unknown_name(f"axes.{path}: parameter", rest[1], known)
+        tables = chosen
+    return tuple(field for t, v in tables.items() for field in _of_vehicle(path, t, rest, v, laws, free))
+
+
+def _of_vehicle(
+    path: str, target: Target, rest: list[str], table: Mapping[str, Any], laws: tuple[Law, ...], free: bool
+) -> tuple[Target, ...]:
+    if rest[0] not in FOLLOWER_KEYS:
+        raise unknown_name(f"axes.{path}: field of followers", rest[0], FOLLOWER_KEYS)
+    if len(rest) > (2 if rest[0] in ("parameters", "delay", "limits") else 1) or rest == ["parameters"]:
+        raise HeadwayError(f"axes.{path} leads nowhere; write e.g. {'.'.join(map(str, target))}.parameters.T")
+    law = None if free else _law(table, laws)
+    if law and rest[0] == "parameters" and rest[1] not in law.parameters:
+        raise unknown_name(f"axes.{path}: parameter of {law.name}", rest[1], law.parameters)
+    if law and rest[0] == "delay" and len(rest) == 2 and rest[1] not in SIGNALS:
+        raise unknown_name(f"axes.{path}: signal", rest[1], law.signals)
+    return ((*target, *rest),)
+
+
+def parameter_of(target: Target) -> str | None:
+    """The parameter of a law that a field is, if it is one."""
+    return str(target[3]) if len(target) == 4 and target[2] == "parameters" else None
+
+
+def assign(table: dict[str, Any], target: Target, value: Any, laws: tuple[Law, ...]) -> None:
+    """Put `value` into the table of one point."""
+    place: Any = table
+    for i, key in enumerate(target[:-1]):
+        if key == "delay" and not isinstance(place.get("delay"), dict):
+            # one delay of all on-board signals becomes one of each, so that a single one can be changed
+            seconds = place.get("delay", 0.0)
+            signals = _law(place, laws).signals
+            place["delay"] = {n: seconds for n in signals if n not in RADIO and seconds}
+            if target[-1] == "vl" and "vl" not in signals:
+                place["delay"].pop("dv", None)  # the leader's speed alone is late, instead of the whole
+        elif isinstance(place, dict) and key not in place:
+            place[key] = {}
+        elif isinstance(place, dict) and isinstance(place[key], tuple):
+            place[key] = list(place[key])
+        place = place[key]
+        if i == 0 and key == "gaps" and not isinstance(place, list):
+            raise HeadwayError(f"axes.{'.'.join(map(str, target))}: the scenario has no list of gaps")
+    last = target[-1]
+    if isinstance(place, list):
+        if not str(last).isdigit() or int(last) >= len(place):
+            raise HeadwayError(f"axes.{'.'.join(map(str, target))}: entries are 0 to {len(place) - 1}")
+        place[int(last)] = value
+    else:
+        place[last] = value

@@ -1,0 +1,327 @@
+"""`Study`: a scenario, axes over any of its fields, and what comes of all points."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import headway
+from headway.engine.plan import DEFAULT_DT
+from headway.errors import HeadwayError, shorten
+from headway.scenario.scenario import Scenario
+from headway.scenario.vehicle import Vehicle
+from headway.schema import VARIABLES
+from headway.study.axes import Design, Points, points
+from headway.study.dataset import assembled
+from headway.study.executors import Task, perform
+from headway.study.measures import COLLISION, Measure, Own, chosen
+from headway.study.paths import Target, resolve
+from headway.study.store import Store
+from headway.study.templates import Table
+from headway.study.theory import VERDICTS, TheoryJob
+from headway.study.work import PENDING, Job, Worker, batch_size, own_value
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Study", "open_study"]
+
+#: seconds of one core that a piece is to take, and those of one follower and step, about
+_PIECE_TIME, _STEP_TIME = 0.4, 7e-9
+
+#: most points of a piece, and of one whose trajectories are looked at
+_MOST, _MOST_OWN = 16_384, 64
+
+#: a piece is at most this part of a study, so that there is something to share out
+_PARTS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A scenario and axes over any of its fields.
+
+    axes: mapping from the path of a field to its values. A path is that of `--set` in a scenario
+        file (`leader.amplitude`, `followers.0.parameters.T`, `seed`), or short for all followers:
+        `T` for a parameter, `delay`, `delay.vl`, `lag`. `order` is the order of vehicles, front to
+        back (numbers from 1, or the seed of a random order); `share.<type>` the share of followers
+        of a type (one of `types`, or the name of a model in the scenario), at places drawn by the
+        scenario's seed. Values are a list or `between(low, high, count)`. A key of several paths,
+        `("T", "a")` or `"T+a"`, has one list for each, which are zipped.
+    design: `"grid"`, `"zip"`, or `count` points drawn by `"sobol"`, `"latin"` or `"random"` with `seed`.
+    types: vehicles by name, for `share` and for axes such as `types.truck.parameters.T`.
+
+    Raises `HeadwayError` for axes that name nothing or do not fit together. Points at which a value
+    is not allowed are marked when the study runs.
+    """
+
+    scenario: Scenario
+    axes: Mapping[Any, Any]
+    design: Design = "grid"
+    count: int | None = None
+    seed: int = 0
+    types: Mapping[str, Vehicle] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.scenario, Scenario):
+            raise HeadwayError(f"study: {shorten(self.scenario)} is not a Scenario")
+        for name, vehicle in self.types.items():
+            if not isinstance(vehicle, Vehicle):
+                raise HeadwayError(f"study: types.{name} = {shorten(vehicle)} is not a Vehicle")
+        _ = self.points, self._fields
+
+    @functools.cached_property
+    def points(self) -> Points:
+        """The points: dimensions, and values of each path along them."""
+        return points(self.axes, self.design, self.count, self.seed)
+
+    @functools.cached_property
+    def _table(self) -> Table:
+        return Table(self.scenario, self.types)
+
+    @functools.cached_property
+    def _fields(self) -> tuple[tuple[str, tuple[Target, ...]], ...]:
+        table = self._table
+        free = any(path.split(".")[-1] in ("model", "kind") for path in self.points.values)
+        return tuple((p, resolve(p, table.table, table.laws, free)) for p in self.points.values)
+
+    # -- single points ---------------------------------------------------------------------------
+
+    def scenario_at(self, point: int) -> Scenario:
+        """The scenario of a point, counted from 0 with the last dimension fastest; `HeadwayError` if not allowed."""
+        if not 0 <= point < self.points.count:
+            raise HeadwayError(f"point {point} does not exist; there are points 0 to {self.points.count - 1}")
+        return Worker(self._job(())).scenario(self.points.take(np.array([point])), 0)
+
+    def trajectories(self, keep: Iterable[int]) -> xr.Dataset:
+        """Trajectories of some points, with the dimensions (kept, vehicle, time)."""
+        import xarray as xr
+
+        from headway.engine.simulate import simulate
+
+        numbers = [int(k) for k in keep]
+        parts = [simulate(self.scenario_at(k)).drop_vars(("model", "length")) for k in numbers]
+        together = xr.concat(parts, dim="kept", join="outer", combine_attrs="drop")
+        return together.assign_coords(kept=("kept", numbers, {"long_name": "number of the point"}))
+
+    # -- running ---------------------------------------------------------------------------------
+
+    def run(
+        self,
+        metrics: Iterable[Any] | None = None,
+        executor: Any = "serial",
+        *,
+        shard: tuple[int, int] | None = None,
+        store: str | os.PathLike[str] | None = None,
+        resume: bool = True,
+        chunk: int | None = None,
+        keep: Iterable[int] = (),
+        progress: Callable[[int, int], Any] | None = None,
+    ) -> xr.Dataset:
+        """Simulate all points; a dataset with the axes as dimensions (or `point`, for designs).
+
+        metrics: names such as `peak_spacing_error` or `speed_amplitude` (`headway.study.measures`), or
+            functions of a dataset of trajectories; `DEFAULT` if None.
+        executor: `"serial"`, `"threads"`, `"processes"`, `"dask://host:port"`, a `distributed.Client` or
+            any `concurrent.futures.Executor`. All give the same bits.
+        shard: (i, n), do the i-th of n parts (from 1) of the pieces, into a shared `store`.
+        store: path of a Zarr store that is written piece by piece; a study that was killed goes on
+            there, unless `resume` is off.
+        chunk: points of a piece; chosen by time and memory if None. It changes no bits.
+        keep: numbers of points whose trajectories are kept too, over (kept, vehicle, time).
+        progress: called as progress(points done, points to do) after every piece.
+
+        Each point has a `status` (ok, collision, invalid, failed, or pending) and a `message`. Raises
+        `HeadwayError` for a store of another study, a disk that is full, an executor that cannot be had.
+        """
+        wanted = chosen(metrics)
+        job = self._job(wanted)
+        if shard is not None:
+            _check_shard(shard, store)
+        size = self._piece_size(bool(any(isinstance(m, Own) for m in wanted))) if chunk is None else _whole(chunk)
+        values, messages = self._perform(job, size, executor, shard, store, resume, progress)
+        found = assembled(self.points, values, messages, _described(wanted), self._attrs())
+        kept = list(keep)
+        if not kept:
+            return found
+        runs = self.trajectories(kept).drop_vars(COLLISION)
+        return found.merge(runs, combine_attrs="override", join="outer")
+
+    def stability(self, executor: Any = "serial", *, progress: Callable[[int, int], Any] | None = None) -> xr.Dataset:
+        """The same points by exact theory, at the speed of the platoon before t = 0.
+
+        A dataset with the same dimensions: `locally_stable`, `string_stable` (strictly, every
+        vehicle) and `head_to_tail_stable` (1 or 0), `margin` [1/s²], `decay_rate` [1/s] and
+        `head_to_tail_gain`. `executor` and `progress` as for `run`.
+        """
+        job = TheoryJob(
+            self.scenario, tuple(self.types.items()), self._fields, (), tuple((n, False) for n in VERDICTS), 0
+        )
+        size = max(1, min(256, math.ceil(self.points.count / _PARTS)))
+        values, messages = self._perform(job, size, executor, None, None, True, progress)
+        return assembled(self.points, values, messages, VERDICTS, self._attrs())
+
+    def _perform(
+        self, job: Job, size: int, executor: Any, shard: tuple[int, int] | None,
+        store: str | os.PathLike[str] | None, resume: bool, progress: Callable[[int, int], Any] | None,
+    ) -> tuple[dict[str, np.ndarray], dict[int, str]]:  # fmt: skip
+        """Do the pieces that are asked for and not done yet; values by metric and messages of all points."""
+        count = self.points.count
+        disk = None if store is None else Store.join(store, self._about(job, size), self.points.values, resume)
+        if disk is not None:
+            size = disk.about["chunk"]  # those who share a store cut alike
+        pieces = range(-(-count // size))
+        done = set() if disk is None else disk.complete()
+        mine = [n for n in pieces if shard is None or n % shard[1] == shard[0] - 1]
+        values = {} if disk else _empty(job, count)
+        messages: dict[int, str] = {}
+        sizes = {n: min(size, count - n * size) for n in mine}
+        total, ready = sum(sizes.values()), sum(sizes[n] for n in mine if n in done)
+        if progress is not None and ready:
+            progress(ready, total)
+        for number, piece in perform(job, self._tasks((n for n in mine if n not in done), size), executor):
+            start = number * size
+            if disk is not None:
+                disk.write(number, piece)
+            else:
+                end = start + piece.status.size
+                values["status"][start:end] = piece.status
+                for name, array in piece.values.items():
+                    values[name][start:end] = array
+                messages |= {start + i: text for i, text in piece.messages.items()}
+            ready += sizes[number]
+            if progress is not None:
+                progress(ready, total)
+        return disk.read() if disk is not None else (values, messages)
+
+    def _tasks(self, numbers: Iterable[int], size: int) -> Iterator[Task]:
+        for number in numbers:
+            members = np.arange(number * size, min((number + 1) * size, self.points.count))
+            yield Task(number, self.points.take(members), members.size)
+
+    # -- what it is ------------------------------------------------------------------------------
+
+    def _job(self, metrics: tuple[Measure | Own | str, ...]) -> Job:
+        shapes = []
+        for metric in metrics:
+            if isinstance(metric, Own):
+                shapes.append((metric.name, bool(getattr(own_value(metric, self._example), "dims", ()))))
+            else:
+                shapes.append((metric if isinstance(metric, str) else metric.name, True))
+        return Job(
+            self.scenario, tuple(self.types.items()), self._fields, metrics, tuple(shapes), 1 + self._most_followers()
+        )
+
+    @functools.cached_property
+    def _example(self) -> xr.Dataset:
+        """Trajectories of the scenario itself, to see what a metric of one's own makes of them."""
+        from headway.engine.simulate import simulate
+
+        return simulate(self.scenario)
+
+    def _most_followers(self) -> int:
+        """Most followers that a point has; `count` of a group may vary."""
+        most = [t.get("count", 1) for t in self._table.table["followers"]]
+        for path, targets in self._fields:
+            for target in targets:
+                if target[0] == "followers" and target[-1] == "count":
+                    values = [v for v in self.points.values[path].tolist() if isinstance(v, int) and v >= 1]
+                    most[int(target[1])] = max(values, default=1)
+        return sum(most)
+
+    def _piece_size(self, own: bool) -> int:
+        """Points of a piece, by time; it depends on the study alone."""
+        scenario = self.scenario
+        work = len(scenario.followers) * scenario.end / (scenario.dt or DEFAULT_DT) * _STEP_TIME
+        most = min(_MOST_OWN if own else _MOST, max(1, int(_PIECE_TIME / work)))
+        size = max(1, min(most, math.ceil(self.points.count / _PARTS)))
+        batch = batch_size(scenario)
+        return size if size < batch else -(-size // batch) * batch
+
+    @functools.cached_property
+    def hash(self) -> str:
+        """SHA-256 of what the study is: its scenario, its types, its points; not of what is measured."""
+        told = hashlib.sha256(self.scenario.hash.encode())
+        for name, vehicle in sorted(self.types.items()):
+            alone = Scenario(self.scenario.leader, [vehicle], duration=self.scenario.duration, gaps=1.0)
+            told.update(f"\n{name}\n{alone.hash}".encode())
+        for path, values in self.points.values.items():
+            told.update(f"\n{path}\n{self.points.along[path]}\n".encode())
+            told.update(repr(values.tolist()).encode() if values.dtype == object else values.tobytes())
+        return told.hexdigest()
+
+    def _about(self, job: Job, size: int) -> dict[str, Any]:
+        """What a store says of its study; equal hashes give equal bits."""
+        from headway.models.fingerprint import fingerprint
+
+        own = [fingerprint(m.function) for m in job.metrics if isinstance(m, Own)]
+        names = dict(job.shapes)
+        text = json.dumps([self.hash, names, own, headway.__version__])
+        return {
+            "hash": hashlib.sha256(text.encode()).hexdigest(),
+            "title": self.scenario.name
+            or f"{' × '.join(self.points.dims)} behind a {self.scenario.leader.kind} leader",
+            "version": headway.__version__,
+            "points": self.points.count,
+            "chunk": size,
+            "vehicles": job.vehicles,
+            "metrics": names,
+            "dims": self.points.dims,
+            "along": self.points.along,
+            "described": _described(job.metrics),
+            "attrs": self._attrs(),
+        }
+
+    def _attrs(self) -> dict[str, Any]:
+        return {
+            "title": self.scenario.name or f"study behind a {self.scenario.leader.kind} leader",
+            "scenario": self.scenario.to_toml(),
+            "study_hash": self.hash,
+            "design": self.design,
+            "headway_version": headway.__version__,
+        }
+
+
+def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
+    """What a store holds so far, as `Study.run` gives it; `HeadwayError` if it is not a store of a study."""
+    store = Store.open(path)
+    about = store.about
+    values, messages = store.read()
+    found = Points(about["dims"], about["along"], store.axes())
+    described = {n: (unit, meaning) for n, (unit, meaning) in about["described"].items()}
+    return assembled(found, values, messages, described, about["attrs"])
+
+
+def _described(metrics: Iterable[Measure | Own | str]) -> dict[str, tuple[str, str]]:
+    """Units and meanings by name."""
+    found = {m.name: (m.unit, m.long_name) for m in metrics if isinstance(m, Measure)}
+    return found | {COLLISION: (VARIABLES[COLLISION].unit, VARIABLES[COLLISION].long_name)}
+
+
+def _empty(job: Job, count: int) -> dict[str, np.ndarray]:
+    values = {n: np.full((count, job.vehicles) if wide else (count,), np.nan) for n, wide in job.shapes}
+    return values | {"status": np.full(count, PENDING, dtype=np.int8)}
+
+
+def _whole(chunk: Any) -> int:
+    if isinstance(chunk, bool) or not isinstance(chunk, int) or chunk < 1:
+        raise HeadwayError(f"chunk = {shorten(chunk)} is not a whole number of points, 1 or more")
+    return chunk
+
+
+def _check_shard(shard: Any, store: Any) -> None:
+    try:
+        i, n = (int(x) for x in shard)
+    except (TypeError, ValueError):
+        raise HeadwayError(f"shard = {shorten(shard)} is not a pair (i, n)") from None
+    if not 1 <= i <= n:
+        raise HeadwayError(f"shard {i}/{n} does not exist; shards are 1/{n} to {n}/{n}")
+    if store is None:
+        raise HeadwayError(f"shard {i}/{n} needs a store, where the shards meet")

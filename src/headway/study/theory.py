@@ -1,0 +1,107 @@
+"""The same points by exact linear theory instead of simulation."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from headway.analysis.linear import head_to_tail
+from headway.analysis.stability import TOLERANCE, Chain
+from headway.errors import HeadwayError
+from headway.study.paths import Target
+from headway.study.templates import Table
+from headway.study.work import INVALID, Job, Piece, plain
+
+__all__ = ["VERDICTS", "Theory", "TheoryJob"]
+
+#: what theory says of a point: unit and meaning
+VERDICTS = {
+    "locally_stable": ("1", "every vehicle is locally stable (1) or not (0)"),
+    "string_stable": ("1", "every vehicle is strictly string stable (1) or not (0)"),
+    "head_to_tail_stable": ("1", "no frequency is larger at the tail than at the head (1), or one is (0)"),
+    "margin": ("1/s²", "least margin of strict string stability, negative where it is lost"),
+    "decay_rate": ("1/s", "least decay rate of a vehicle, negative where it grows"),
+    "head_to_tail_gain": ("1", "supremum of the head-to-tail gain"),
+}
+
+
+@dataclass(frozen=True)
+class TheoryJob(Job):
+    """A study by theory: the same points, `VERDICTS` of each."""
+
+    def worker(self) -> Any:
+        return Theory(self)
+
+
+@dataclass
+class Theory:
+    """Does pieces of one job; strings that many points share are looked at once."""
+
+    job: Job
+    chains: dict[Any, dict[str, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.table = Table(self.job.scenario, dict(self.job.types))
+        self.lock = threading.Lock()
+
+    def __call__(self, columns: Mapping[str, np.ndarray], count: int) -> Piece:
+        piece = Piece({n: np.full(count, np.nan) for n in VERDICTS}, np.zeros(count, dtype=np.int8), {})
+        for i in range(count):
+            values: list[tuple[tuple[Target, ...], Any]] = [(t, plain(columns[p][i])) for p, t in self.job.fields]
+            try:
+                for name, value in self._point(values).items():
+                    piece.values[name][i] = value
+            except HeadwayError as error:
+                piece.status[i] = INVALID
+                piece.messages[i] = str(error)
+        return piece
+
+    def _point(self, values: list[tuple[tuple[Target, ...], Any]]) -> dict[str, float]:
+        scenario = self.table.template(values).scenario
+        gaps = None if scenario.gaps is None else tuple(scenario.initial_gaps())
+        key = (scenario.followers, scenario.cruise, gaps)
+        with self.lock:
+            if key in self.chains:
+                return self.chains[key]
+            if len(self.chains) > 10_000:
+                self.chains.clear()
+        found = verdicts(head_to_tail(scenario.followers, scenario.cruise, gaps))
+        with self.lock:
+            self.chains[key] = found
+        return found
+
+
+def verdicts(chain: Chain) -> dict[str, float]:
+    """What theory says of a string, by name of `VERDICTS`: its vehicles by the compiled sweep, as maps do."""
+    from headway.analysis import sweep
+
+    unique = list(dict.fromkeys(chain.vehicles))
+    rows, count = sweep.rows_of(unique), len(unique)
+    margin, growing, decay, pair = np.empty(count), np.empty(count, np.int64), np.empty(count), np.empty(count, bool)
+    sweep.margins(rows, margin, growing)
+    sweep.decay_rates(rows, decay, pair)
+    local, least = not growing.any(), float(margin.min())
+    gain = _gain(chain, rows) if local else float("inf")
+    return {
+        "locally_stable": local,
+        "string_stable": local and least >= -TOLERANCE,
+        "head_to_tail_stable": local and gain <= 1.0 + 1e-9,
+        "margin": least if local else min(least, -0.0),
+        "decay_rate": float(decay.min()),
+        "head_to_tail_gain": gain,
+    }
+
+
+def _gain(chain: Chain, rows: np.ndarray) -> float:
+    """Supremum of the head-to-tail gain; a string of equal vehicles has a power of theirs."""
+    from headway.analysis import sweep
+
+    if len(rows) > 1 or chain.vehicles[0].leader_numerator.power.size:
+        return chain.peak.gain
+    gain, frequency = np.empty(1), np.empty(1)
+    sweep.peaks(rows, gain, frequency)
+    return float(gain[0]) ** len(chain.vehicles)

@@ -1,0 +1,321 @@
+"""What is done for a piece of a study: points in, values out. Any process can do it; nothing else is shared."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from headway.engine.measured import Measured
+from headway.engine.plan import Lanes, Plan
+from headway.engine.run import Prepared
+from headway.engine.simulate import solve
+from headway.engine.trajectories import to_dataset, variables
+from headway.errors import HeadwayError
+from headway.models import Law
+from headway.scenario.scenario import Scenario
+from headway.scenario.vehicle import Vehicle
+from headway.study.lanes import Fast, Kind, Pool, chosen_lanes, joined, lanes_of, out_of_bounds
+from headway.study.measures import COLLISION, Extremes, Measure, Own, from_batches, from_trajectories
+from headway.study.paths import ORDER, SHARE, Target, parameter_of
+from headway.study.templates import Table
+
+__all__ = ["COLLIDED", "FAILED", "INVALID", "OK", "STATUS", "Job", "Piece", "Worker", "own_value", "plain"]
+
+Array = NDArray[np.float64]
+
+#: what became of a point
+STATUS = ("ok", "collision", "invalid", "failed", "pending")
+OK, COLLIDED, INVALID, FAILED, PENDING = range(5)
+
+#: followers × lanes of one batch: what is prepared for its steps is shared, so it may be small enough for the caches
+_ELEMENTS = {"rk4": 800, "ballistic": 384}
+
+#: templates that are kept, the latest used
+_TEMPLATES = 4096
+
+
+@dataclass(frozen=True)
+class Job:
+    """A study without its points: its scenario, the fields that vary, and what is wanted. Goes to every worker once."""
+
+    scenario: Scenario
+    types: tuple[tuple[str, Vehicle], ...]
+    fields: tuple[tuple[str, tuple[Target, ...]], ...]  # path → fields
+    metrics: tuple[Measure | Own | str, ...]
+    shapes: tuple[tuple[str, bool], ...]  # metric → whether it has a value for each vehicle
+    vehicles: int  # most vehicles of a point, the leader included
+
+    def worker(self) -> Any:
+        """What does pieces of it: called with values of each path and the number of points, gives a `Piece`."""
+        return Worker(self)
+
+
+class Piece(NamedTuple):
+    """What a worker answers: values by metric (points, vehicles) or (points,), what became of each point, and why."""
+
+    values: dict[str, Array]
+    status: NDArray[np.int8]
+    messages: dict[int, str]
+
+
+@dataclass
+class Worker:
+    """Does pieces of one job. Threads may share it."""
+
+    job: Job
+    pool: Pool = field(default_factory=Pool)
+
+    def __post_init__(self) -> None:
+        job = self.job
+        self.table = Table(job.scenario, dict(job.types))
+        laws: dict[str, Law] = {law.name: law for law in self.table.laws}
+        free = any(t[-1] in ("model", "kind") for _, targets in job.fields for t in targets)
+        self.fast = {p for p, targets in job.fields if not free and _is_fast(targets, self.table.table, laws)}
+        self.needs: dict[str, int] = {}
+        for metric in job.metrics:
+            if isinstance(metric, Measure):
+                self.needs[metric.signal] = self.needs.get(metric.signal, 0) | metric.mode
+        self.own = [m for m in job.metrics if isinstance(m, Own)]
+        self.kinds: OrderedDict[Any, Kind | str] = OrderedDict()
+        self.lock, self.last = threading.Lock(), threading.local()
+
+    # -- single points ---------------------------------------------------------------------------
+
+    def scenario(self, columns: Mapping[str, np.ndarray], i: int) -> Scenario:
+        """The scenario of point `i`; `HeadwayError` if there is none."""
+        return self.table.template([(t, plain(columns[p][i])) for p, t in self.job.fields]).scenario
+
+    # -- pieces ----------------------------------------------------------------------------------
+
+    def __call__(self, columns: Mapping[str, np.ndarray], count: int) -> Piece:
+        """Values of `count` points with these values of each path (points,)."""
+        job = self.job
+        shape = {n: (count, job.vehicles) if wide else (count,) for n, wide in job.shapes}
+        piece = Piece({n: np.full(s, np.nan) for n, s in shape.items()}, np.zeros(count, dtype=np.int8), {})
+        groups: dict[Any, list[tuple[Kind, NDArray[np.int64]]]] = {}
+        for kind, numbers in self._by_template(columns, count, piece):
+            groups.setdefault(kind.structure, []).append((kind, numbers))
+        for parts in groups.values():
+            self._group(parts, columns, piece)
+        return piece
+
+    def _by_template(
+        self, columns: Mapping[str, np.ndarray], count: int, piece: Piece
+    ) -> list[tuple[Kind, NDArray[np.int64]]]:
+        """Points by what they share beside parameters of laws; those that are not allowed are noted."""
+        slow = [(p, t) for p, t in self.job.fields if p not in self.fast]
+        if not slow:
+            kind = self._kind([])
+            if isinstance(kind, Kind):
+                return [(kind, np.arange(count))]
+        codes = np.zeros(count, dtype=np.int64)
+        for path, _ in slow:
+            code = _codes(columns[path])
+            _, codes = np.unique(codes * (int(code.max(initial=0)) + 1) + code, return_inverse=True)
+        order = np.argsort(codes, kind="stable")
+        found = []
+        for numbers in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1):
+            if not numbers.size:
+                continue
+            first = int(numbers[0])
+            kind = self._kind([(t, plain(columns[p][first])) for p, t in slow])
+            if isinstance(kind, Kind):
+                found.append((kind, numbers))
+                continue
+            for i in numbers:
+                # with other parameters of laws it may be allowed after all
+                whole = self._whole(columns, int(i)) if self.fast else kind
+                if isinstance(whole, Kind):
+                    found.append((whole, np.array([i])))
+                else:
+                    self._refuse(piece, int(i), whole)
+        return found
+
+    def _kind(self, values: list[tuple[tuple[Target, ...], Any]]) -> Kind | str:
+        """The template of these values, or why there is none."""
+        key = repr([v for _, v in values])
+        with self.lock:
+            if key in self.kinds:
+                self.kinds.move_to_end(key)
+                return self.kinds[key]
+        try:
+            kind: Kind | str = Kind.of(self.table.template(values))
+        except HeadwayError as error:
+            kind = str(error)
+        with self.lock:
+            kind = self.kinds.setdefault(key, kind)
+            while len(self.kinds) > _TEMPLATES:
+                self.kinds.popitem(last=False)
+        return kind
+
+    def _whole(self, columns: Mapping[str, np.ndarray], i: int) -> Kind | str:
+        """The same of a single point with all its values."""
+        try:
+            return Kind.of(self.table.template([(t, plain(columns[p][i])) for p, t in self.job.fields]))
+        except HeadwayError as error:
+            return str(error)
+
+    def _refuse(self, piece: Piece, i: int, why: str, status: int = INVALID) -> None:
+        piece.status[i] = status
+        piece.messages[i] = why
+
+    def _group(
+        self, parts: list[tuple[Kind, NDArray[np.int64]]], columns: Mapping[str, np.ndarray], piece: Piece
+    ) -> None:
+        """Points of one structure."""
+        kinds: list[Kind] = []
+        which: list[NDArray[np.int64]] = []
+        numbers: list[NDArray[np.int64]] = []
+        lanes: list[Lanes] = []
+        for kind, members in parts:
+            fast = [
+                Fast(p, t, np.asarray(columns[p][members], dtype=float)) for p, t in self.job.fields if p in self.fast
+            ]
+            bad = out_of_bounds(kind, fast, members.size)
+            for lane, why in bad.items():
+                self._refuse(piece, int(members[lane]), why)
+            made = lanes_of(kind, fast, members.size)
+            asked = np.flatnonzero(np.isnan(made.gaps).any(axis=0))
+            for lane in map(int, asked):
+                if lane in bad:
+                    continue
+                whole = self._whole(columns, int(members[lane]))
+                if isinstance(whole, Kind):
+                    made.gaps[:, lane] = whole.base.gaps[:, 0]
+                else:
+                    bad[lane] = whole
+                    self._refuse(piece, int(members[lane]), whole)
+            good = np.setdiff1d(np.arange(members.size), list(bad))
+            if good.size:
+                which.append(np.full(good.size, len(kinds)))
+                kinds.append(kind)
+                numbers.append(members[good])
+                lanes.append(made if good.size == members.size else chosen_lanes(made, good))
+        if not numbers:
+            return
+        points, together = np.concatenate(numbers), joined(lanes)
+        if self.own:
+            for i in points:
+                self._alone(columns, int(i), piece)
+        else:
+            self._batches(kinds, np.concatenate(which), points, together, columns, piece)
+
+    def _batches(
+        self, kinds: list[Kind], which: NDArray[np.int64], points: NDArray[np.int64], lanes: Lanes,
+        columns: Mapping[str, np.ndarray], piece: Piece,
+    ) -> None:  # fmt: skip
+        """Lanes of one structure, a batch at a time; those in which something happens are run again by themselves."""
+        frame = self.pool.frame(kinds[0])
+        size = batch_size(frame.scenario)
+        found, alone = [], []
+        time = frame.mesh.time[frame.mesh.record]
+        for start in range(0, points.size, size):
+            block = slice(start, min(start + size, points.size))
+            first, last = int(which[block][0]), int(which[block][-1])  # rising
+            shared = all(k.leader == kinds[first].leader for k in kinds[first + 1 : last + 1])
+            leaders = [kinds[first]] if shared else [kinds[k] for k in which[block]]
+            motions = [k.template.scenario.motion for k in leaders]
+            plan = Plan.of_lanes(frame, motions, chosen_lanes(lanes, block))
+            run = self._run(plan, self.pool.steps(kinds[first], shared))
+            reductions, disturbed = run.measure()
+            found.append(reductions)
+            alone.append(disturbed)
+        vehicles = lanes.gaps.shape[0] + 1
+        extremes = from_batches(time, found) if self.needs else {}
+        for metric in self.job.metrics:
+            if isinstance(metric, Measure):
+                piece.values[metric.name][points[:, None], np.arange(vehicles)] = metric.make(extremes[metric.signal]).T
+        for i in points[np.concatenate(alone)]:
+            self._alone(columns, int(i), piece)
+
+    def _run(self, plan: Plan, prepared: Prepared) -> Measured:
+        """A run of a plan, in the memory of this thread's last one where that fits."""
+        last: Measured | None = getattr(self.last, "run", None)
+        if (
+            last is not None
+            and last.mesh is plan.mesh
+            and last.plan.x.shape == plan.x.shape
+            and len(last.plan.motions) == len(plan.motions)
+        ):
+            last.again(plan, prepared)
+            return last
+        self.last.run = Measured(plan, self.needs, prepared)
+        return self.last.run
+
+    def _alone(self, columns: Mapping[str, np.ndarray], i: int, piece: Piece) -> None:
+        """A point by itself, with its events and its trajectories."""
+        for values in piece.values.values():
+            values[i] = np.nan
+        try:
+            scenario = self.scenario(columns, i)
+        except HeadwayError as error:
+            return self._refuse(piece, i, str(error))
+        try:
+            result = solve(scenario)
+            known = variables(scenario, result)
+            extremes: dict[str, Extremes] = from_trajectories(result.time, known, self.needs)
+            dataset = to_dataset(scenario, result) if self.own else None
+            if np.isfinite(result.collision_time).any():
+                piece.status[i] = COLLIDED
+            for metric in self.job.metrics:
+                if metric == COLLISION:
+                    piece.values[COLLISION][i, : result.collision_time.size] = result.collision_time
+                elif isinstance(metric, Measure):
+                    values = metric.make(extremes[metric.signal])
+                    piece.values[metric.name][i, : values.size] = values
+                elif isinstance(metric, Own):
+                    values = np.asarray(own_value(metric, dataset))
+                    piece.values[metric.name][(i, slice(values.size)) if values.ndim else i] = values
+        except HeadwayError as error:
+            self._refuse(piece, i, str(error), FAILED)
+        return None
+
+
+def batch_size(scenario: Scenario) -> int:
+    """How many lanes are integrated side by side."""
+    return max(1, _ELEMENTS[scenario.scheme] // len(scenario.followers))
+
+
+def own_value(metric: Own, dataset: Any) -> Any:
+    """What a metric of one's own makes of trajectories; `HeadwayError` if it cannot."""
+    try:
+        found = metric.function(dataset)
+        dims = tuple(getattr(found, "dims", ()))
+        if dims not in ((), ("vehicle",)):
+            raise HeadwayError(f"metric {metric.name} has the dimensions {dims}; allowed are vehicle, or none")
+        return found
+    except HeadwayError:
+        raise
+    except Exception as error:
+        raise HeadwayError(f"metric {metric.name} failed ({type(error).__name__}: {error})") from None
+
+
+def _is_fast(targets: tuple[Target, ...], table: Mapping[str, Any], laws: Mapping[str, Law]) -> bool:
+    """Whether a field is a parameter that lanes of one batch may have for themselves."""
+    for target in targets:
+        name = parameter_of(target)
+        if name is None or target[0] in (ORDER, SHARE):
+            return False
+        law = laws[table[str(target[0])][target[1]]["model"]]
+        if law.parameters[name].info.structural:
+            return False
+    return True
+
+
+def _codes(values: np.ndarray) -> NDArray[np.int64]:
+    """A number for each different value."""
+    if values.dtype != object:
+        return np.unique(values, return_inverse=True)[1]
+    seen: dict[str, int] = {}
+    return np.array([seen.setdefault(repr(v), len(seen)) for v in values], dtype=np.int64)
+
+
+def plain(value: Any) -> Any:
+    """A number of NumPy's as one of Python's."""
+    return value.item() if isinstance(value, np.generic) else value
