@@ -1,4 +1,4 @@
-"""Stability maps and verdicts: seconds of whole maps, microseconds a point, and of whole `headway stability` processes."""
+"""Stability maps (seconds, microseconds a point) and whole `headway stability` processes."""
 
 from __future__ import annotations
 
@@ -58,10 +58,8 @@ def maps() -> dict[str, dict[str, float]]:
 def main() -> int:
     """Print the tables and write `out/bench/stability.json`."""
     found = maps()
-    for name, numbers in found.items():
-        print(
-            f"{name:42}{numbers['points']:8.0f} points{numbers['seconds']:8.2f} s{numbers['us a point']:9.2f} µs a point"
-        )
+    for name, (points, seconds, each) in ((name, tuple(numbers.values())) for name, numbers in found.items()):
+        print(f"{name:42}{points:8.0f} points{seconds:8.2f} s{each:9.2f} µs a point")
     arguments = ("stability", "idm", "--speed", "23", "--delay", "0.5")
     headway(*arguments)
     process = statistics.median(headway(*arguments) for _ in range(7))
