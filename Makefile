@@ -13,8 +13,8 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	touch $@
 
-demo: setup  ## four models under one sinusoid and behind a real driving cycle
-	$(BIN)/python examples/demo.py out/demo
+demo: setup  ## the models of the comparative study side by side, also behind real driving; a report
+	$(BIN)/headway benchmark --out out/demo
 
 test: setup
 	$(BIN)/python -m pytest $(TEST_ARGS)

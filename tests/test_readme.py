@@ -53,6 +53,8 @@ def test_shell(page, desk, cli):
             continue
         target = words[words.index(">") + 1] if ">" in words else None
         arguments = words[1 : words.index(">")] if target else words[1:]
+        if arguments[0] == "benchmark":
+            continue  # tests/test_benchmark.py runs it, on a smaller board
         if "--column" in arguments:
             continue  # it speaks of a file with other columns, which tests/test_data_readers.py has
         code, out, error = cli(*arguments)

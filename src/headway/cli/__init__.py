@@ -10,9 +10,11 @@ import cyclopts
 from cyclopts import App
 
 from headway import __version__
+from headway.cli.benchmark import benchmark
 from headway.cli.data import data_app
 from headway.cli.map import map_
 from headway.cli.models import check, models
+from headway.cli.paper import paper
 from headway.cli.run import run, schema
 from headway.cli.stability import stability
 from headway.cli.study import study_app
@@ -32,6 +34,8 @@ app.command(run)
 app.command(stability)
 app.command(study_app)
 app.command(map_, name="map")
+app.command(benchmark)
+app.command(paper)
 app.command(models)
 app.command(check)
 app.command(schema)
