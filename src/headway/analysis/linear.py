@@ -304,7 +304,8 @@ class Linear:
     @functools.cached_property
     def _saddles(self) -> tuple[Saddle, ...]:
         peaks = [] if self.string_stable else stability.amplified(self.numerator, self.characteristic)
-        return saddles(self.numerator, self.characteristic, peaks, self.peak_gain, self.long_wave)
+        omega = stability.grid(self.numerator, self.characteristic)
+        return saddles(self.numerator, self.characteristic, peaks, self.peak_gain, self.long_wave, omega)
 
     def propagation(self) -> Propagation:
         """Whether and where a disturbance of a long string of such vehicles grows: convective or absolute."""

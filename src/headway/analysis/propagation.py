@@ -19,9 +19,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from headway.analysis.quasipolynomial import QuasiPolynomial
 from headway.analysis.search import root
+
+Array = NDArray[np.float64]
 
 __all__ = ["Kind", "Propagation", "Saddle", "Verdict", "growth", "propagation", "saddles"]
 
@@ -32,6 +35,9 @@ Kind = Literal[
 
 
 Verdict = Literal["stable", "unstable", "locally unstable"]
+
+#: what samples may miss of ln sup |G|
+_SAMPLED = 1e-4
 
 #: first step from ray to ray while an edge is looked for
 _STEP = 1.02
@@ -68,9 +74,9 @@ class Propagation(NamedTuple):
 class Saddle:
     """One saddle of p + ψ ln G(p), followed from a known one at (`ray`, `p`)."""
 
-    def __init__(self, top: QuasiPolynomial, bottom: QuasiPolynomial, p: complex, peak_gain: float) -> None:
+    def __init__(self, top: QuasiPolynomial, bottom: QuasiPolynomial, p: complex, lines: tuple[Array, Array]) -> None:
         self._top, self._bottom = top, bottom
-        self._bound = math.log(peak_gain) + 1e-12
+        self._lines = lines
         # nothing arrives before the shortest delay has passed at every vehicle
         self._front = 1.0 / min(top.delay) if min(top.delay) > 0.0 else math.inf
         self.start = (-1.0 / self._slopes(p)[1]).real
@@ -129,13 +135,17 @@ class Saddle:
         return p.real + ray * self._slopes(p)[0]
 
     def growth(self, ray: float) -> float:
-        """σ [1/s] on a ray [vehicles/s]; NaN where the saddle cannot be followed or is none of the path of descent."""
+        """σ [1/s] on a ray [vehicles/s]; NaN where the saddle cannot be followed."""
         if ray >= self._front:
             return -math.inf
         p = self.at(ray)
-        height = math.nan if p is None else self._height(p, ray)
-        # along the imaginary axis the integrand is never larger than the peak gain allows
-        return height if height <= ray * self._bound else math.nan
+        if p is None:
+            return math.nan
+        # no vertical line is a contour of more growth than the gain on it allows; where the saddle that was
+        # followed lies higher, it is none of the path of descent, and the least of these bounds is the growth
+        real, gain = self._lines
+        height, most = self._height(p, ray), float(np.min(real + ray * gain))
+        return height if height <= most + _SAMPLED * ray else most
 
     def slope(self, ray: float) -> float:
         """dσ/dψ = ln |G| at the saddle."""
@@ -174,13 +184,26 @@ class Saddle:
 
 
 def saddles(
-    top: QuasiPolynomial, bottom: QuasiPolynomial, peaks: Sequence[float], peak_gain: float, long_wave: float
-) -> tuple[Saddle, ...]:
-    """The saddles that matter: those of the frequencies [rad/s] of amplified `peaks`, and of long waves that spread."""
+    top: QuasiPolynomial, bottom: QuasiPolynomial, peaks: Sequence[float], peak_gain: float, long_wave: float,
+    omega: Array,
+) -> tuple[Saddle, ...]:  # fmt: skip
+    """The saddles that matter: those of the frequencies [rad/s] of amplified `peaks`, and of long waves that spread.
+
+    `omega` [rad/s]: frequencies that resolve the gain.
+    """
     if not top.power.size:
         return ()
     starts = [1j * w for w in peaks] + [0j] * (long_wave > 0)
-    return tuple(branch for p in starts if (branch := Saddle(top, bottom, p, peak_gain)).start > 0)
+    lines = _lines(top, bottom, omega, peak_gain) if peaks else (np.zeros(1), np.array([math.log(peak_gain) + 1e-12]))
+    return tuple(branch for p in starts if (branch := Saddle(top, bottom, p, lines)).start > 0)
+
+
+def _lines(top: QuasiPolynomial, bottom: QuasiPolynomial, omega: Array, peak_gain: float) -> tuple[Array, Array]:
+    """Real parts a >= 0 [1/s] and ln sup |G(a + iω)|, from samples at `omega`."""
+    real = np.concatenate(([0.0], np.geomspace(1e-3, 10.0, 80)))
+    gain = np.array([np.log(np.abs(top(a + 1j * omega) / bottom(a + 1j * omega)).max()) for a in real])
+    gain[0] = math.log(peak_gain) + 1e-12
+    return real, gain
 
 
 def growth(branches: Sequence[Saddle], ray: Any) -> Any:
