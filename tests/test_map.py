@@ -334,15 +334,19 @@ def test_command_line_draws_the_papers_maps(cli, tmp_path, name):
     (["fvdm"], "needs an axis"),
     (["idmm"], "did you mean 'idm'"),
     (["idm", "--speed", "20"], "--speed belongs to a map of one's own"),
-    (["idm", "--x", "T=1:2:5", "--point", "a=1"], "'a' is not known"),
-    (["idm", "--x", "T=1:2:5", "--y", "a=1:2:5", "--point", "T=1"], "a value for a is missing"),
-    (["idm", "--x", "T=1:2:5", "--point", "T=5"], "not on the map"),
+    (["idm", "--x", "T=1:2:5", "--point", "a=1", "--figure", "f.png"], "'a' is not known"),
+    (["idm", "--x", "T=1:2:5", "--y", "a=1:2:5", "--point", "T=1", "--figure", "f.png"], "no value for the axis a"),
+    (["idm", "--x", "T=1:2:5", "--point", "T=5", "--figure", "f.png"], "not on the map"),
+    (["idm", "--x", "T=1:2:5", "--point", "T=1.5"], "name one with --figure"),
+    (["idm", "--x", "T=1:2:5", "--point", "here", "--figure", "f.png"], "write T=1.5,delay=0.4"),
     (["idm", "--x", "T=1:2", "--out", "map.txt"], "ending in .nc"),
     (["idm", "--out", "map.nc"], "figures of several panels"),
 ])  # fmt: skip
-def test_bad_input(cli, arguments, words):
+def test_bad_input(cli, arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     code, out, error = cli("map", *arguments)
     assert (code, out) == (2, "")
+    assert not list(tmp_path.iterdir())
     assert words in error
     assert error.count("\n") == 1
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from headway.cli import parse, show
-from headway.errors import HeadwayError, unknown_name
+from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
     from headway.analysis.map import StabilityMap
@@ -57,6 +57,9 @@ def map_(
         given = [n for n, value in (("--speed", speed), ("--gap", gap), ("--set", set_), ("--point", point)) if value]
         _paper(subject.removeprefix("paper:"), given, out, figure, json)
         return
+    if point is not None and figure is None:
+        raise HeadwayError(f"--point {point}: marks a place in a figure, so name one with --figure")
+    marked = None if point is None else parse.numbers("--point", point.split(","), "T=1.5,delay=0.4")
     if x is None:
         raise HeadwayError(f"{'--y' if y else '--z'} is given without --x; name the first axis")
     from headway.models.own import load_laws
@@ -72,13 +75,12 @@ def map_(
         from headway.analysis.map import stability_map
 
         found = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what)
-    marked = _point(point, found)
-    if out is not None:
-        found.save(out)
     if figure is not None:
         from headway.view import plot
 
         plot.save(plot.stability_map(found, point=marked), figure)
+    if out is not None:
+        found.save(out)
     if json:
         show.print_json({"model": law.name, **_as_json(found), "files": [str(p) for p in (out, figure) if p]})
         return
@@ -99,24 +101,6 @@ def _axis(option: str, text: str) -> tuple[str, Any]:
     if len(numbers) not in (2, 3) or (len(numbers) == 3 and numbers[2] != int(numbers[2])):
         raise HeadwayError(f"{option} {text}: write name=low:high or name=low:high:count, e.g. T=0.5:2.5")
     return name.strip(), tuple(numbers)
-
-
-def _point(text: str | None, found: StabilityMap) -> dict[str, float] | None:
-    """A marked point; it must lie on the map."""
-    if text is None:
-        return None
-    given = parse.numbers("--point", text.split(","), "a value for each axis, e.g. T=1.5,delay=0.4")
-    for name in given:
-        if name not in found.axes:
-            raise unknown_name("axis of the map in --point", name, found.axes)
-    for name, values in found.axes.items():
-        if name not in given:
-            raise HeadwayError(f"--point {text}: a value for {name} is missing")
-        if not values[0] <= given[name] <= values[-1]:
-            raise HeadwayError(
-                f"--point {name} = {given[name]:g} is not on the map, which has {values[0]:g} to {values[-1]:g}"
-            )
-    return given
 
 
 def _paper(name: str, given: list[str], out: Path | None, figure: Path | None, json: bool) -> None:
