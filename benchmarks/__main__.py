@@ -1,4 +1,4 @@
-"""`python -m benchmarks [kernel|startup|study|stability|sumo|jitcdde_check ...]`: all parts, or those named."""
+"""`python -m benchmarks [PART ...]`: all `PARTS`, or those named."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 import traceback
 from importlib import import_module
 
-PARTS = ("startup", "study", "stability", "sumo", "jitcdde_check", "kernel")
+PARTS = ("startup", "study", "stability", "calibration", "explorer", "sumo", "jitcdde_check", "kernel")
 
 
 def main() -> int:

@@ -57,10 +57,13 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "between": ("headway.study.axes", "between"),
     "load_study": ("headway.study.files", "load_study"),
     "open_study": ("headway.study.study", "open_study"),
+    "calibrate": ("headway.calibration.fit", "calibrate"),
+    "calibration": ("headway.calibration", None),
     "save": ("headway.results", "save"),
     "open_results": ("headway.results", "open_results"),
     "data": ("headway.data", None),
     "plot": ("headway.view.plot", None),
+    "explore": ("headway.explorer", "explore"),
     "HeadwayError": ("headway.errors", "HeadwayError"),
     "HeadwayWarning": ("headway.errors", "HeadwayWarning"),
 }
@@ -68,13 +71,15 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
 __all__ = ["__version__", *_PUBLIC]
 
 if TYPE_CHECKING:
-    from headway import data, library, models
+    from headway import calibration, data, library, models
     from headway.analysis import metrics
     from headway.analysis.conformance import check_model
     from headway.analysis.linear import head_to_tail, linearize
     from headway.analysis.map import StabilityMap, stability_map
+    from headway.calibration.fit import calibrate
     from headway.engine.simulate import simulate, simulate_many
     from headway.errors import HeadwayError, HeadwayWarning
+    from headway.explorer import explore
     from headway.models import maths
     from headway.models.law import Law, Model, Param, model
     from headway.models.own import load_laws

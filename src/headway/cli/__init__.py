@@ -11,10 +11,13 @@ from cyclopts import App
 
 from headway import __version__
 from headway.cli.benchmark import benchmark
+from headway.cli.calibrate import calibrate
 from headway.cli.data import data_app
+from headway.cli.explore import explore
 from headway.cli.map import map_
 from headway.cli.models import check, models
 from headway.cli.paper import paper
+from headway.cli.replay import replay
 from headway.cli.run import run, schema
 from headway.cli.stability import stability
 from headway.cli.study import study_app
@@ -40,6 +43,9 @@ app.command(models)
 app.command(check)
 app.command(schema)
 app.command(data_app)
+app.command(calibrate)
+app.command(replay)
+app.command(explore)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

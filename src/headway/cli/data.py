@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from headway.data.catalogue import Entry
     from headway.data.recording import Recording
 
-__all__ = ["data_app"]
+__all__ = ["Column", "Format", "Json", "Unit", "data_app", "reading"]
 
 data_app = App(
     name="data",
@@ -116,7 +116,7 @@ def compare(
 
     law = load_laws(model)[0] if ".py" in model else find(model)
     follower = Vehicle(law(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=delay, lag=lag)
-    scenario, section = behind(file, follower, start=start, end=end, reading=_reading(format, column, unit))
+    scenario, section = behind(file, follower, start=start, end=end, reading=reading(format, column, unit))
     with show.working("simulating"):
         results = simulate(scenario)
     errors = compare_recording(results, section)
@@ -140,7 +140,7 @@ def compare(
     show.table(f"{law.name} in the place of the followers of {file}", ("vehicle", *columns.values()), rows)
 
 
-def _reading(form: str | None, columns: list[str] | None, units: list[str] | None) -> dict[str, Any]:
+def reading(form: str | None, columns: list[str] | None, units: list[str] | None) -> dict[str, Any]:
     return {"format": form, "columns": _pairs("--column", columns), "units": _pairs("--unit", units)}
 
 
@@ -157,7 +157,7 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str] | None:
 def _read(name: str, form: str | None, columns: list[str] | None, units: list[str] | None) -> Recording:
     from headway.data.readers import read
 
-    return read(Path(name), **_reading(form, columns, units))
+    return read(Path(name), **reading(form, columns, units))
 
 
 def _describe_file(recording: Recording, json: bool) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from headway.engine.run import Result
     from headway.scenario.scenario import Scenario
 
-__all__ = ["check_target", "read_scenario", "run", "schema"]
+__all__ = ["check_target", "import_numba_without_blas", "read_scenario", "run", "schema"]
 
 
 def run(
@@ -52,7 +52,7 @@ def run(
         print(description.to_toml(), end="")
         return
     with show.working("simulating (the first run after installation compiles the engine)"):
-        _import_numba_without_blas()
+        import_numba_without_blas()
         from headway.engine.simulate import solve
 
         result = solve(description)
@@ -111,7 +111,7 @@ def read_scenario(name: str, assignments: list[str], references: list[str]) -> S
     return from_table(table, laws, folder)
 
 
-def _import_numba_without_blas() -> None:
+def import_numba_without_blas() -> None:
     """Import numba's array functions while scipy.linalg, which they look for, cannot be found.
 
     The kernel does no linear algebra and need not wait a third of a second for it. Only the command

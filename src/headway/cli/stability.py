@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from headway.analysis.words import of_chain, times, verdict
 from headway.cli import parse, show
 from headway.errors import HeadwayError
 
@@ -82,18 +83,8 @@ def _scenario(
         same = sum(other == linear for other in chain.vehicles)
         who = f"vehicle {n} and {same - 1} like it" if same > 1 else f"vehicle {n}"
         print(f"{who}, {report['model']}: {verdict(linear, report['critical_delay'])}")
-    peak, worst = chain.peak, chain.worst
-    count = len(chain.vehicles)
-    if not chain.locally_stable:
-        print(f"head to tail over {count} vehicles: unbounded, a vehicle is locally unstable")
-    elif chain.head_to_tail_stable:
-        print(f"head to tail over {count} vehicles: stable, no frequency is larger at the tail than at the head")
-    else:
-        print(
-            f"head to tail over {count} vehicles: a {peak.frequency:.3g} rad/s disturbance grows {peak.gain:.3g} times"
-        )
-    if chain.locally_stable and worst.gain > peak.gain * (1 + 1e-6):
-        print(f"  worst in between: {worst.gain:.3g} times at {worst.frequency:.3g} rad/s")
+    for i, words in enumerate(of_chain(chain)):
+        print(f"  {words}" if i else words)
 
 
 def _chain(chain: Chain) -> dict[str, Any]:
@@ -140,34 +131,6 @@ def describe(linear: Linear) -> dict[str, Any]:
     }
 
 
-def verdict(linear: Linear, critical: dict[str, float]) -> str:
-    """The answer in words."""
-    late = _pattern(linear)
-    if not linear.locally_stable:
-        words = f"locally unstable: a disturbance of one vehicle grows at {-linear.decay_rate:.3g} 1/s"
-        limit = critical["local"]
-        return words + (f"; locally stable for {late} below {limit:.3g} s" if limit > 0 else " without any delay")
-    limit = critical["string"]
-    if linear.string_stable:
-        end = "whatever the delay" if math.isinf(limit) else f"for {late} up to {limit:.3g} s"
-        return f"string stable: no disturbance grows from vehicle to vehicle; so it is {end}"
-    words = (
-        f"string unstable: a {linear.peak_frequency:.2g} rad/s disturbance "
-        f"grows {_times(linear.peak_gain)} times per vehicle"
-        if math.isfinite(linear.peak_frequency)
-        else f"string unstable: short waves grow {linear.peak_gain:.3g} times per vehicle"
-    )
-    return words + (f"; stable for {late} up to {limit:.3g} s" if limit > 0 else "; not even stable without delay")
-
-
-def _pattern(linear: Linear) -> str:
-    """Which delays are meant."""
-    delay = linear.vehicle.delay
-    if isinstance(delay, float) or not any(t > 0 for _, t in delay):
-        return "delays of all on-board signals"
-    return f"delays of {' and '.join(n for n, t in delay if t > 0)}"
-
-
 def _print(report: dict[str, Any]) -> None:
     root, critical = report["rightmost_root"], report["critical_delay"]
     lines = {
@@ -193,7 +156,7 @@ def _largest_peak(report: dict[str, Any]) -> str:
         return "without bound"
     if report["peak_stable"]:
         return "no peak of speed grows from vehicle to vehicle"
-    return f"a peak of speed can grow {_times(norm)} times per vehicle"
+    return f"a peak of speed can grow {times(norm)} times per vehicle"
 
 
 def _along_the_road(wave: dict[str, Any]) -> str:
@@ -217,9 +180,3 @@ def _margins(margins: dict[str, float]) -> str:
 
 def _seconds(value: float) -> str:
     return "none" if math.isinf(value) else f"{value:.6g} s"
-
-
-def _times(gain: float) -> str:
-    """A gain with as many digits as it takes to tell it from 1."""
-    digits = 3 if gain >= 1.01 else 2 + math.ceil(-math.log10(max(gain - 1.0, 1e-12)))
-    return f"{gain:.{digits}g}"

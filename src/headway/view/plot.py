@@ -7,6 +7,7 @@ given axes instead, without a title. What cannot be drawn raises `HeadwayError`.
 
 from __future__ import annotations
 
+from headway.view.calibration import calibrated, gains, growth, penetration, replayed
 from headway.view.files import save
 from headway.view.maps import panels, paper_map, stability_map
 from headway.view.stability import damping, gain_phase, responses, root_locus
@@ -15,7 +16,7 @@ from headway.view.trajectories import accelerations, comparison, gaps, overview,
 from headway.view.waves import propagation
 
 __all__ = [
-    "accelerations", "comparison", "damping", "gain_phase", "gaps", "overview", "panels", "paper_map", "propagation",
-    "responses", "root_locus", "save", "spacing_errors", "speeds", "stability_map", "study_lines", "study_map",
-    "time_space",
+    "accelerations", "calibrated", "comparison", "damping", "gain_phase", "gains", "gaps", "growth", "overview",
+    "panels", "paper_map", "penetration", "propagation", "replayed", "responses", "root_locus", "save",
+    "spacing_errors", "speeds", "stability_map", "study_lines", "study_map", "time_space",
 ]  # fmt: skip

@@ -1,0 +1,61 @@
+"""Simulated runs as recordings with measurement noise: data whose parameters are known."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from headway.data.recording import Recording
+from headway.errors import HeadwayError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["as_recorded"]
+
+Array = NDArray[np.float64]
+
+
+def as_recorded(
+    run: xr.Dataset,
+    gap_noise: float = 0.1,
+    speed_noise: float = 0.05,
+    correlation: float = 0.5,
+    seed: int = 0,
+    leader: bool = True,
+) -> Recording:
+    """The trajectories of `run` (of `headway.simulate`, uniform times) as if they had been measured.
+
+    gap_noise [m], speed_noise [m/s]: standard deviations of Gaussian noise on every gap and speed;
+    on the leader's speed only if `leader`.
+    correlation [s]: its e-folding time, that of a filter in the sensor; 0 makes it white. Positions are rebuilt
+    from the noisy gaps. HeadwayError for negative numbers and for a run with a collision.
+    """
+    for name, x in (("gap_noise", gap_noise), ("speed_noise", speed_noise), ("correlation", correlation)):
+        if not (math.isfinite(x) and x >= 0):
+            raise HeadwayError(f"{name} = {x!r} is not allowed; it is a finite number, 0 or more")
+    time, speed = run.time.values, run.speed.transpose("vehicle", "time").values
+    gap = run.gap.transpose("vehicle", "time").values
+    if not np.isfinite(gap[1:]).all():
+        raise HeadwayError("as_recorded: the run has a collision, after which there is nothing to record")
+    random = np.random.default_rng(seed)
+    scale = np.full((speed.shape[0], 1), speed_noise)
+    scale[0] *= leader
+    step = float((time[-1] - time[0]) / (time.size - 1))
+    keep = math.exp(-step / correlation) if correlation > 0 else 0.0
+    return Recording.from_gaps(
+        time, speed + scale * _noise(speed.shape, keep, random), gap + gap_noise * _noise(gap.shape, keep, random),
+        source="simulated, with noise",
+    )  # fmt: skip
+
+
+def _noise(shape: tuple[int, ...], keep: float, random: np.random.Generator) -> Array:
+    """Autoregressive noise of unit variance along the last axis; `keep` is its correlation from sample to sample."""
+    from scipy.signal import lfilter
+
+    white = random.standard_normal(shape)
+    white[..., 1:] *= math.sqrt(1.0 - keep * keep)
+    return lfilter([1.0], [1.0, -keep], white, axis=-1)

@@ -1,0 +1,88 @@
+"""A fit as text, as good reports of fits are: how it went, values, intervals, what is not known, errors, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from headway.calibration.errors import Errors
+    from headway.calibration.fit import Fit
+
+__all__ = ["report", "unit_of"]
+
+
+def unit_of(fit: Fit, name: str) -> str:
+    """Unit of a fitted quantity."""
+    parameter = fit.vehicle.model.law.parameters.get(name)
+    return "s" if parameter is None else parameter.info.unit
+
+
+def report(fit: Fit) -> str:
+    """The whole report, lines of at most about 110 characters."""
+    law = fit.vehicle.model.law
+    sources = dict.fromkeys(s.source for s in fit.segments)
+    stretches = ", ".join(f"{s.begin:g} to {s.begin + s.duration:g} s" for s in fit.segments)
+    fixed = {n: x for n, x in fit.vehicle.model.items if n not in fit.values}
+    lines = [
+        "[[Model]]",
+        f"    {law.name}: {law.title}",
+        *([f"    {law.formula}"] if law.formula else []),
+        f"    vehicle {fit.follower} behind vehicle {fit.follower - 1} of {', '.join(sources)}",
+        "[[Fit]]",
+        f"    trained on        = {stretches}; {sum(s.gap.size for s in fit.segments)} samples",
+        f"    objective         = {fit.value:.6g} ({_objective(fit.objective)})",
+        f"    seeds             = {fit.agreeing} of {fit.objectives.size} within 1 % of the best objective"
+        + (f", the worst {fit.objectives[-1]:.4g}" if fit.agreeing < fit.objectives.size else ""),
+        f"    evaluations       = {fit.evaluations} in {fit.seconds:.2g} s",
+        f"    intervals         = 95 %, {fit.refits.shape[1]} refits, blocks of {fit.blocks:.3g} s",
+        "[[Variables]]",
+        *_variables(fit),
+    ]
+    if fixed:
+        lines.append(f"    fixed: {', '.join(f'{n} = {x:g}' for n, x in fixed.items())}")
+    lines += ["[[Errors]]", *_table(fit)]
+    if fit.notes:
+        lines += ["[[Notes]]", *(f"    - {n}" for n in fit.notes)]
+    return "\n".join(lines)
+
+
+def _objective(name: str) -> str:
+    return "r.m.s. gap error over r.m.s. gap" + (", plus the same of speed" if name == "gap+speed" else "")
+
+
+def _variables(fit: Fit) -> list[str]:
+    cells = []
+    spread = fit.spread
+    for i, (name, x) in enumerate(fit.values.items()):
+        low, high = fit.intervals[name]
+        cells.append(
+            (
+                f"{name}:", f"{x:.5g} {unit_of(fit, name)}", f"[{low:.4g}, {high:.4g}]",
+                f"seeds ±{0.5 * spread[name]:.1g}", f"in {fit.space.low[i]:g} to {fit.space.high[i]:g}",
+                fit.profiles[i].words,
+            )
+        )  # fmt: skip
+    return _columns(cells)
+
+
+def _table(fit: Fit) -> list[str]:
+    head = ("", "gap [m]", "relative", "speed [m/s]", "constant speed: gap", "copy leader: gap", "seconds")
+    rows: list[tuple[str, ...]] = [head]
+    for label, errors in (("train", fit.train), ("test", fit.test)):
+        rows += [_row(label, e, len(errors) > 1 or label == "test") for e in errors]
+    if not fit.test:
+        rows.append(("test", "none", "", "", "", "", ""))
+    return _columns(rows)
+
+
+def _row(label: str, e: Errors, named: bool) -> tuple[str, ...]:
+    numbers = (e.gap, e.gap_relative, e.speed, e.constant_gap, e.copy_gap)
+    texts = [f"{x:.3g}" if x == x else "collides" for x in numbers]
+    return (f"{label} {e.source}" if named else label, *texts, f"{e.seconds:.4g}")
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows as left-aligned columns."""
+    widths = [max(len(r[i]) for r in rows) for i in range(len(rows[0]))]
+    return ["    " + "  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in rows]

@@ -1,0 +1,83 @@
+"""String stability of a real vehicle: the exact linear theory of its fitted law, with the fit's uncertainty."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+
+from headway.analysis.linear import Linear, linearize
+from headway.calibration.fit import Fit
+from headway.errors import HeadwayError, HeadwayWarning
+from headway.scenario.vehicle import Vehicle
+
+__all__ = ["StringVerdict", "linear_of", "verdict"]
+
+
+class StringVerdict(NamedTuple):
+    """Linear theory of a fitted vehicle at `speed` [m/s].
+
+    peak: sup |G| and `frequency` [rad/s] where it is, of the fit; low, high: 95 % interval of the peak over the refits;
+    unstable: share of the refits that are string unstable; without: share that has no equilibrium at this speed.
+    """
+
+    speed: float
+    peak: float
+    frequency: float
+    low: float
+    high: float
+    unstable: float
+    without: float
+    stable: bool
+
+    @property
+    def words(self) -> str:
+        """The verdict in words."""
+        sure = self.unstable if not self.stable else 1.0 - self.unstable
+        said = "string stable" if self.stable else "string unstable"
+        how = "surely" if sure >= 0.975 else "probably" if sure >= 0.8 else "undecided, by the fit"
+        size = "without bound" if math.isinf(self.peak) else f"{self.peak:.3g} at {self.frequency:.2g} rad/s"
+        interval = f"[{self.low:.3g}, {self.high:.3g}]"
+        return f"{how} {said}: peak gain {size} {interval}, {100 * self.unstable:.0f} % of refits unstable"
+
+
+def linear_of(fit: Fit, car: Vehicle, speed: float) -> Linear | None:
+    """Linear theory of a vehicle of `fit` at `speed`, None without equilibrium; GMM at the mean recorded gap."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", HeadwayWarning)
+        try:
+            return linearize(car, speed)
+        except HeadwayError as error:
+            return linearize(car, speed, fit.gap) if "every gap is an equilibrium" in str(error) else None
+
+
+def verdict(fit: Fit, speed: float | None = None) -> StringVerdict:
+    """The string-stability verdict of a fitted vehicle at `speed` [m/s], the mean of its training if None.
+
+    Raises HeadwayError where the fitted law has no equilibrium at that speed.
+    """
+    from headway.analysis import sweep
+    from headway.analysis.stability import TOLERANCE
+
+    at = fit.speeds[1] if speed is None else float(speed)
+    own = linear_of(fit, fit.vehicle, at)
+    if own is None:
+        raise HeadwayError(
+            f"{fit.vehicle.model.name} as fitted has no equilibrium at {at:.4g} m/s; ask for another speed"
+        )
+    found = [lin for car in fit.draws if (lin := linear_of(fit, car, at)) is not None]
+    rows = sweep.rows_of([own, *found])
+    count = len(rows)
+    gain, frequency, margin, growing = np.empty(count), np.empty(count), np.empty(count), np.empty(count, np.int64)
+    sweep.peaks(rows, gain, frequency)
+    sweep.margins(rows, margin, growing)
+    unstable = (margin < -TOLERANCE) | (growing > 0)
+    # without refits that rest there is nothing to be sure by
+    low, high = np.quantile(gain[1:], (0.025, 0.975), method="nearest") if found else (math.nan, math.nan)
+    return StringVerdict(
+        at, float(gain[0]), float(frequency[0]), float(low), float(high),
+        float(unstable[1:].mean()) if found else math.nan,
+        1.0 - len(found) / fit.refits.shape[1], not bool(unstable[0]),
+    )  # fmt: skip

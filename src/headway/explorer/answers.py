@@ -1,0 +1,122 @@
+"""The slower part of the page, for when the hand rests: verdicts in words, safety and energy, the stability map."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from headway.analysis import words
+from headway.analysis.linear import Linear, head_to_tail
+from headway.analysis.map import label, stability_map, unit
+from headway.engine.run import Result
+from headway.engine.trajectories import to_dataset
+from headway.errors import HeadwayError, HeadwayWarning
+from headway.explorer.picture import Picture, StaleError, linear_of
+from headway.explorer.state import State
+
+__all__ = ["figures", "map_key", "map_of", "verdicts"]
+
+
+def verdicts(state: State, stale: Callable[[], bool]) -> list[str]:
+    """The sentences of `headway stability` for every different vehicle, and for the whole string."""
+    scenario = state.scenario
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", HeadwayWarning)
+        chain = head_to_tail(
+            scenario.followers, scenario.cruise, scenario.initial_gaps() if scenario.gaps is not None else None
+        )
+    sentences = []
+    for linear in dict.fromkeys(chain.vehicles):
+        if stale():
+            raise StaleError
+        who = [n for n, other in enumerate(chain.vehicles, start=1) if other == linear]
+        name = f"vehicle {who[0]}" + (f" and {len(who) - 1} like it" if len(who) > 1 else "")
+        sentences.append(f"{name}, {linear.vehicle.model.name}: {words.verdict(linear, _critical(linear))}")
+    if stale():
+        raise StaleError
+    return sentences + words.of_chain(chain)
+
+
+def _critical(linear: Linear) -> dict[str, float]:
+    return {kind: linear.critical_delay(kind) for kind in ("local", "string")}
+
+
+def figures(state: State, result: Result) -> list[dict[str, Any]]:
+    """Safety, comfort and energy of a run: name, value, unit and which vehicle it is of."""
+    from headway.analysis import metrics
+
+    dataset = to_dataset(state.scenario, result)
+    found: list[dict[str, Any]] = []
+
+    def tell(name: str, values: Any, pick: str, digits: int = 3) -> None:
+        row = np.asarray(values.values, dtype=float)[1:]
+        known = np.isfinite(row)
+        row = np.where(known, row, np.nan)
+        which: int | None = None
+        if pick == "last":
+            which = row.size - 1 if known[-1] else None
+        elif known.any():
+            which = int(np.nanargmin(row) if pick == "least" else np.nanargmax(row))
+        value = None if which is None else float(f"{row[which]:.{digits}g}")
+        units = str(values.attrs.get("units", ""))
+        found.append({
+            "name": name, "value": value, "unit": "" if units == "1" else units,
+            "vehicle": None if which is None else which + 1,
+        })  # fmt: skip
+
+    hits = int(metrics.collisions(dataset))
+    found.append({"name": "collisions", "value": hits, "unit": "", "vehicle": None})
+    tell("least gap", metrics.least_gap(dataset), "least")
+    tell("least time to collision", metrics.ttc(dataset), "least")
+    tell("longest time with TTC below 3 s", metrics.tet(dataset), "most")
+    tell("largest deceleration needed (DRAC)", metrics.drac(dataset), "most")
+    tell("peak spacing error", metrics.peak(dataset.spacing_error), "most")
+    tell("r.m.s. jerk", metrics.rms_jerk(dataset), "most")
+    tell("fuel of the last vehicle", metrics.fuel(dataset, per="distance"), "last")
+    tell("electric energy of the last vehicle", metrics.electric_energy(dataset, per="distance"), "last")
+    return found
+
+
+def map_key(state: State) -> str:
+    """Text that is equal for states with the same map."""
+    scenario, axes = state.scenario, [n for n, _, _ in state.axes]
+    vehicle = scenario.followers[state.first]
+    parameters = {n: x for n, x in vehicle.model.items if n not in axes}
+    delay = vehicle.delay
+    pattern: Any = delay
+    if "delay" in axes:
+        # the axis scales the pattern: only its shape counts
+        pairs = () if isinstance(delay, float) else delay
+        longest = max((t for _, t in pairs), default=0.0)
+        pattern = [(n, t / longest) for n, t in pairs] if longest > 0 else "alike"
+    elif not isinstance(delay, float):
+        pattern = [(n, t) for n, t in delay if f"delay.{n}" not in axes]
+    speed = None if "speed" in axes else scenario.cruise
+    lag = None if "lag" in axes else vehicle.lag
+    return json.dumps([vehicle.model.name, parameters, pattern, lag, speed, scenario.gaps, state.axes])
+
+
+def map_of(state: State, points: int) -> Picture:
+    """The map of string stability around the vehicle that the page looks at, `points` each way."""
+    linear = linear_of(state)
+    car = linear.vehicle
+    try:
+        car.model.equilibrium_gap(linear.speed)
+        gap = None
+    except HeadwayError:
+        gap = linear.gap  # every gap is an equilibrium
+    axes = {name: (low, high, points) for name, low, high in state.axes}
+    speed = None if "speed" in axes else linear.speed
+    found = stability_map(car, axes, speed=speed, gap=gap)
+    arrays = dict(zip(("x", "y"), found.axes.values(), strict=True))
+    arrays["verdict"] = found.dataset.verdict.values.T.astype(float)
+    lines = found.boundary.get("string stable", ())
+    joined = [piece for line in lines for piece in (line, np.full((1, 2), math.nan))]
+    arrays["boundary"] = np.concatenate(joined).T if joined else np.empty((2, 0))
+    named = [{"name": n, "unit": unit(car, n), "text": label(car, n)} for n in axes]
+    return Picture({"axes": named, "classes": list(found.classes)}, arrays)
