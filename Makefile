@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 TEST_ARGS ?=
 
-.PHONY: setup demo test lint bench lock clean
+.PHONY: setup demo test lint docs bench lock clean
 
 setup: .venv/ready
 
@@ -25,15 +25,18 @@ lint: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+docs: setup  ## the documentation as a site, out/docs/index.html; a link that leads nowhere ends it
+	$(BIN)/python tools/build_docs.py
+
 bench: setup  ## speed and accuracy beside a C loop, SUMO and jitcdde; takes some minutes
 	$(BIN)/python -m benchmarks
 
 lock:  ## make the lock anew (needs pip-tools, installed into .venv)
 	$(BIN)/python -m pip install --quiet pip-tools
 	$(BIN)/pip-compile --quiet --upgrade --generate-hashes --allow-unsafe --strip-extras --no-header --no-annotate \
-	  --no-emit-index-url --no-emit-find-links --no-emit-trusted-host --extra test --extra lint --extra build \
+	  --no-emit-index-url --no-emit-find-links --no-emit-trusted-host --extra test --extra lint --extra docs --extra build \
 	  --output-file requirements.lock pyproject.toml
 
 clean:
-	rm -rf .venv out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .venv .cache out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

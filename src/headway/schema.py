@@ -1,6 +1,6 @@
 """Every variable of a trajectory dataset: its dimensions, unit, symbol and meaning, said once.
 
-Signs and meanings are contracts (see docs/model-contract.md): the gap is bumper to bumper, the
+Signs and meanings are contracts (see docs/contract.md): the gap is bumper to bumper, the
 relative speed is positive while the gap opens, vehicle 0 is the leader and has no gap.
 """
 

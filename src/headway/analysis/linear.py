@@ -380,6 +380,11 @@ class Linear:
         """
         return _critical_parameter(self, parameter)
 
+    def _repr_html_(self) -> str:
+        from headway.analysis.notebook import linear_html
+
+        return linear_html(self)
+
 
 def head_to_tail(
     vehicles: Sequence[Vehicle], speed: float, gap: float | Sequence[float] | None = None

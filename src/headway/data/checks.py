@@ -35,7 +35,7 @@ class Finding:
 def check(recording: Recording) -> tuple[Finding, ...]:
     """All findings on a recording: times, holes, signs, and whether gaps, speeds and positions tell one story.
 
-    Every follower gets one `gap-speed` finding with the r.m.s. mismatch of d gap/dt against v[n-1] - v[n] [m/s] and
+    Every follower gets one `gap-speed` finding with the r.m.s. mismatch [m/s] of d gap/dt against v[n-1] - v[n] and
     the drift of the integrated difference [m] over the record.
     """
     order = _time_order(recording)

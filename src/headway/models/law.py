@@ -131,6 +131,11 @@ class Law:
         arguments = ", ".join(f"{p.name}={p.default:g}" for p in self.parameters.values())
         return f"<law {self.name}({', '.join(self.signals)}; {arguments})>"
 
+    def _repr_html_(self) -> str:
+        from headway.models.notebook import law_html
+
+        return law_html(self)
+
     def __copy__(self) -> Law:
         return self
 
@@ -189,6 +194,11 @@ class Model:
 
     def __repr__(self) -> str:
         return f"{self.law.name}({', '.join(f'{k}={v:g}' for k, v in self.items)})"
+
+    def _repr_html_(self) -> str:
+        from headway.models.notebook import model_html
+
+        return model_html(self)
 
     def replace(self, **values: float) -> Model:
         """The same law with some parameters changed."""

@@ -14,7 +14,18 @@ from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from headway.errors import HeadwayError, shorten, unknown_name
 
-__all__ = ["Finite", "Negative", "NonNegative", "Numbers", "Positive", "build", "field_names", "spec", "unit"]
+__all__ = [
+    "Finite",
+    "Negative",
+    "NonNegative",
+    "Numbers",
+    "Positive",
+    "build",
+    "described",
+    "field_names",
+    "spec",
+    "unit",
+]
 
 T = TypeVar("T")
 
@@ -66,6 +77,17 @@ def spec(cls: type[T]) -> type[T]:
 def field_names(cls: type) -> tuple[str, ...]:
     """Names of the fields of a described thing, in order."""
     return tuple(f.name for f in dataclasses.fields(cls))
+
+
+def described(thing: Any, every: bool = False) -> list[tuple[str, Any, str, str]]:
+    """(name, value, unit, meaning) of each field that differs from its default, or of `every` one."""
+    rows = []
+    for name, field in type(thing).__pydantic_fields__.items():
+        value, extra = getattr(thing, name), field.json_schema_extra or {}
+        if every or value != field.default:
+            symbol = str(extra.get("unit", ""))
+            rows.append((name, value, symbol, (field.description or "").removesuffix(f" [{symbol}]")))
+    return rows
 
 
 def build(cls: type[T], table: Mapping[str, Any], place: str) -> T:

@@ -188,6 +188,11 @@ class Scenario:
 
         return to_toml(self)
 
+    def _repr_html_(self) -> str:
+        from headway.scenario.notebook import scenario_html
+
+        return scenario_html(self)
+
 
 def _equilibrium(vehicle: Vehicle, n: int, speed: float) -> float:
     try:
