@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from html import escape
 
 import numpy as np
 import pytest
@@ -95,6 +96,16 @@ def test_report_says_all():
     for part in ("[[Variables]]", "delay:", "fixed: b = 1.5", "3 of 3 within 1 %", "train", "test", "identified"):
         assert part in text
     assert max(map(len, text.splitlines())) < 180
+
+
+def test_a_notebook_shows_values_intervals_and_errors():
+    shown = FIT._repr_html_()
+    low, high = FIT.intervals["T"]
+    assert shown.count("<table>") == 2
+    assert f"{FIT.values['T']:.5g}</td><td" in shown
+    assert f"{low:.4g} to {high:.4g}" in shown
+    for note in FIT.notes:
+        assert escape(note) in shown
 
 
 def test_toml_goes_into_a_scenario(tmp_path):

@@ -124,6 +124,12 @@ class Fit:
         of = f"{self.vehicle.model.name} to vehicle {self.follower}"
         return f"<fit of {of}: {values}; {self.objective} {self.value:.4g}>"
 
+    def _repr_html_(self) -> str:
+        """The fit in a notebook."""
+        from headway.calibration.notebook import fit_html
+
+        return fit_html(self)
+
     def to_toml(self) -> str:
         """The fit as TOML whose `followers` a scenario accepts."""
         from headway.calibration.files import to_toml

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from headway.analysis.linear import Linear, linearize
+from headway.analysis.words import times
 from headway.calibration.fit import Fit
 from headway.errors import HeadwayError, HeadwayWarning
 from headway.scenario.vehicle import Vehicle
@@ -38,8 +39,8 @@ class StringVerdict(NamedTuple):
         sure = self.unstable if not self.stable else 1.0 - self.unstable
         said = "string stable" if self.stable else "string unstable"
         how = "surely" if sure >= 0.975 else "probably" if sure >= 0.8 else "undecided, by the fit"
-        size = "without bound" if math.isinf(self.peak) else f"{self.peak:.3g} at {self.frequency:.2g} rad/s"
-        interval = f"[{self.low:.3g}, {self.high:.3g}]"
+        size = "without bound" if math.isinf(self.peak) else f"{times(self.peak)} at {self.frequency:.2g} rad/s"
+        interval = "[" + ", ".join(times(x) if math.isfinite(x) else f"{x}" for x in (self.low, self.high)) + "]"
         return f"{how} {said}: peak gain {size} {interval}, {100 * self.unstable:.0f} % of refits unstable"
 
 
