@@ -91,6 +91,7 @@ SCENARIOS = {
     "delay of a signal not perceived": (put("followers.0.delay", {"al": 0.1}), ["idm does not perceive 'al'"]),
     "dv and vl late at once": (put("followers.0.delay", {"dv": 0.1, "vl": 0.1}), ["either dv", "or vl"]),
     "negative delay of a signal": (put("followers.0.delay", {"s": -0.1}), ["delay.s = -0.1 s"]),
+    "lag that the step cannot follow": (put("followers.0.lag", 0.004), ["lag = 0.004 s", "dt = 0.008 or less"]),
     "negative lag": (put("followers.0.lag", -1.0), ["followers.0.lag = -1"]),
     "negative length": (put("followers.0.length", -5.0), ["followers.0.length = -5"]),
     "limits turned round": (put("followers.0.limits", [2.0, -3.0]), ["followers.0.limits"]),

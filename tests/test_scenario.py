@@ -32,7 +32,7 @@ def vehicles(draw):
     delays = st.floats(0, 2)
     delay = draw(st.one_of(delays, st.dictionaries(st.sampled_from(model.law.signals), delays)))
     return hw.Vehicle(
-        model, delay=delay, lag=draw(st.floats(0, 1)), length=draw(st.floats(0, 20)),
+        model, delay=delay, lag=draw(st.sampled_from([0.0, 0.3, 1.0])), length=draw(st.floats(0, 20)),
         limits=draw(st.none() | st.tuples(st.floats(-9, -0.1), st.floats(0.1, 5))),
     )  # fmt: skip
 

@@ -19,12 +19,9 @@ from headway.scenario.motion import Motion
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["DEFAULT_DT", "MOST_SAMPLES", "Frame", "Lanes", "Plan", "output_times", "structure"]
+__all__ = ["MOST_SAMPLES", "Frame", "Lanes", "Plan", "output_times", "structure"]
 
 Array = NDArray[np.float64]
-
-#: longest step [s] where a scenario gives none
-DEFAULT_DT = 0.01
 
 #: a run without `output_step` keeps every step, thinned to at most this many steps
 MOST_SAMPLES = 10_000
@@ -37,8 +34,7 @@ def output_times(scenario: Scenario) -> Array:
     """Times [s] at which results are kept: multiples of the output step, and the end."""
     step = scenario.output_step
     if step is None:
-        dt = scenario.dt or DEFAULT_DT
-        step = dt * max(1, math.ceil(scenario.end / dt / MOST_SAMPLES - 1e-9))
+        step = scenario.step * max(1, math.ceil(scenario.end / scenario.step / MOST_SAMPLES - 1e-9))
     count = math.floor(scenario.end / step * (1.0 + 1e-12) + 1e-9)
     times = np.asarray(np.arange(count + 1) * step, dtype=np.float64)
     return times if scenario.end - times[-1] < 2e-9 * max(1.0, step) else np.append(times, scenario.end)
@@ -120,7 +116,7 @@ class Frame:
         for g, (row, rows) in enumerate(runs):
             _fill_group(groups[g], table[g], scenario.followers[row], row, rows, slots)
         jumps = _jumps(scenario, scenario.motion) if scenario.scheme == "rk4" else None
-        mesh = build_mesh(scenario.end, scenario.dt or DEFAULT_DT, output_times(scenario), jumps)
+        mesh = build_mesh(scenario.end, scenario.step, output_times(scenario), jumps)
         return cls(
             scenario, runs, groups, table, slots.needs_array(), slots.span_array(), np.array(slots.delays, dtype=float),
             mesh, slots.late_accelerations_between(mesh), bool(slots.accelerations),

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import headway
-from headway.engine.plan import DEFAULT_DT
 from headway.engine.run import Result
 from headway.scenario.scenario import Scenario
 from headway.schema import describe
@@ -66,7 +65,7 @@ def to_dataset(scenario: Scenario, result: Result) -> xr.Dataset:
             "scenario_hash": scenario.hash,
             "seed": scenario.seed,
             "scheme": scenario.scheme,
-            "dt": scenario.dt or DEFAULT_DT,
+            "dt": scenario.step,
             "headway_version": headway.__version__,
             "citations": "\n".join(
                 dict.fromkeys(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from headway.analysis.linear import Linear, head_to_tail
 from headway.engine.events import RunAlone
-from headway.engine.plan import DEFAULT_DT, Frame, Lanes, Plan, structure
+from headway.engine.plan import Frame, Lanes, Plan, structure
 from headway.engine.run import Prepared, Result, Run
 from headway.engine.simulate import solve
 from headway.engine.trajectories import lengths
@@ -120,7 +120,7 @@ def draft_step(scenario: Scenario) -> float:
             rate, sum(abs(slopes.get(n, 0.0)) for n in ("v", "dv", "vl")), 1.0 / vehicle.lag if vehicle.lag else 0
         )
         rate = max(rate, math.sqrt(abs(slopes.get("s", 0.0))))
-    own = scenario.dt or DEFAULT_DT
+    own = scenario.step
     wanted = min(_DRAFT, _STIFF / rate) if math.isfinite(rate) and rate > 0 else _DRAFT
     return max(own, wanted)
 

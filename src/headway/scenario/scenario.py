@@ -61,6 +61,10 @@ def _gaps(value: Any) -> Any:
 Offsets = Annotated[tuple[tuple[int, Finite], ...], BeforeValidator(_by_vehicle)]
 
 
+#: longest step [s] where a scenario gives none
+_STEP = 0.01
+
+
 @spec
 class Scenario:
     """A platoon behind a leader.
@@ -104,6 +108,13 @@ class Scenario:
             )
         if self.dt is not None and self.dt > self.end:
             raise HeadwayError(f"scenario.dt = {self.dt:g} s is longer than the duration, {self.end:g} s")
+        for number, vehicle in enumerate(self.followers, 1):
+            # an explicit step longer than this makes the actuator's own decay grow
+            if 0.0 < vehicle.lag < self.step / 2.0:
+                raise HeadwayError(
+                    f"follower {number}: lag = {vehicle.lag:g} s is too short for steps of {self.step:g} s; "
+                    f"write dt = {2.0 * vehicle.lag:g} or less, or lag = 0"
+                )
         if self.output_step is not None and self.output_step > self.end:
             raise HeadwayError(
                 f"scenario.output_step = {self.output_step:g} s is longer than the duration, {self.end:g} s"
@@ -131,6 +142,11 @@ class Scenario:
     def end(self) -> float:
         """Simulated time [s]."""
         return float(self.leader.span if self.duration is None else self.duration)
+
+    @property
+    def step(self) -> float:
+        """Longest step [s] of the integration."""
+        return _STEP if self.dt is None else self.dt
 
     @functools.cached_property
     def motion(self) -> Motion:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import headway
-from headway.engine.plan import DEFAULT_DT
 from headway.errors import HeadwayError, shorten
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
@@ -239,7 +238,7 @@ class Study:
     def _piece_size(self, own: bool) -> int:
         """Points of a piece, by time; it depends on the study alone."""
         scenario = self.scenario
-        work = len(scenario.followers) * scenario.end / (scenario.dt or DEFAULT_DT) * _STEP_TIME
+        work = len(scenario.followers) * scenario.end / scenario.step * _STEP_TIME
         most = min(_MOST_OWN if own else _MOST, max(1, int(_PIECE_TIME / work)))
         size = max(1, min(most, math.ceil(self.points.count / _PARTS)))
         batch = batch_size(scenario)

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import headway
-from headway.engine.plan import DEFAULT_DT
 from headway.library import library_scenario
 from headway.models import BUILT_IN
 from headway.study.paper.claims import GROUPS
@@ -296,11 +295,12 @@ _ORIGIN = {
 
 
 def _provenance(names: Iterable[str]) -> dict[str, str]:
-    hashes = [library_scenario(f"paper:{name}").hash for name in names]
+    scenarios = [library_scenario(f"paper:{name}") for name in names]
+    hashes, longest = [s.hash for s in scenarios], max((s.step for s in scenarios), default=0.0)
     return {
         "headway": headway.__version__,
         "command": "headway paper",
-        "scheme": f"rk4, steps of at most {DEFAULT_DT:g} s that end on breaking points",
+        "scheme": f"rk4, steps of at most {longest:g} s that end on breaking points",
         "randomness": "none",
         "scenarios": f"{len(hashes)}, SHA-256 of their hashes {hashlib.sha256(''.join(hashes).encode()).hexdigest()}",
     }
