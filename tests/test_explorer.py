@@ -170,6 +170,7 @@ def leader(**fields):
         ({"leader": {"kind": "noise", "mean": 20.0, "sd": 1.0, "sample": 1e-9}}, "changes too often"),
         ({"leader": {"kind": "recorded", "file": "/etc/passwd"}}, "was not started with this recording"),
         ({"followers": [{"model": "idm", "count": 0}]}, "count = 0 is not a whole number"),
+        ({"followers": [{"model": "idm", "lag": 0.003}]}, "lag = 0.003 s is too short for steps of 0.01 s"),
         ({"followers": [{"model": "idn"}]}, "did you mean 'idm'"),
     ],
 )
