@@ -1,7 +1,7 @@
 # headway: set up, show, test. Everything happens in .venv, made from the hashed lock.
 PYTHON ?= python3
 BIN := .venv/bin
-TEST_ARGS ?=
+TEST_ARGS ?= --numprocesses auto --dist worksteal
 
 .PHONY: setup demo test lint docs bench lock clean
 
