@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def summary(name: str, fits: Fits) -> None:
     row(name, *cells)
 
 
-def amplification(name: str, recording: hw.data.Recording, fits: Fits, runs: Mapping[str, object]) -> list[object]:
+def amplification(name: str, recording: hw.data.Recording, fits: Fits, runs: Mapping[str, Any]) -> list[object]:
     """Measured growth and what each law predicts: last over first follower's leader, and directions per vehicle."""
     measured = growth(recording.speed)
     sure = (measured.grows >= 0.95) | (measured.grows <= 0.05)
@@ -104,7 +104,7 @@ def amplification(name: str, recording: hw.data.Recording, fits: Fits, runs: Map
         f"{measured.deviation[-1] / measured.deviation[0]:.3g} ({measured.range[-1] / measured.range[0]:.3g})",
     ]
     for law in fits:
-        speed = runs[law].speed.values  # type: ignore[attr-defined]
+        speed = runs[law].speed.values
         if not np.isfinite(speed).all():
             cells.append("collides")
             continue

@@ -26,12 +26,12 @@ import numpy as np
 
 from headway.analysis import stability
 from headway.analysis.corners import corner
+from headway.analysis.critical import critical_parameter
 from headway.analysis.margins import Margins, margins
 from headway.analysis.propagation import Propagation, Saddle, Verdict, growth, propagation, saddles
 from headway.analysis.quasipolynomial import QuasiPolynomial
 from headway.analysis.response import Response
 from headway.analysis.roots import Roots, rightmost
-from headway.analysis.search import root
 from headway.errors import HeadwayError, HeadwayWarning, unknown_name
 from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
@@ -378,7 +378,7 @@ class Linear:
 
         All other parameters, the delays and the speed stay; the equilibrium gap follows.
         """
-        return _critical_parameter(self, parameter)
+        return critical_parameter(self, parameter, _linear)
 
     def _repr_html_(self) -> str:
         from headway.analysis.notebook import linear_html
@@ -405,38 +405,3 @@ def head_to_tail(
             known[vehicle, s] = linearize(vehicle, speed, s if needed else None)
         linears.append(known[vehicle, s])
     return stability.Chain(tuple(linears))
-
-
-def _critical_parameter(linear: Linear, parameter: str) -> float:
-    """See `Linear.critical`."""
-    vehicle, model = linear.vehicle, linear.vehicle.model
-    if parameter not in model.law.parameters:
-        raise unknown_name(f"parameter of {model.name}", parameter, model.law.parameters)
-    # a law that reacts neither to the gap nor to its own speed alone rests at every gap: then the gap stays
-    fixed_gap = linear.gap if not linear.partials.get("s") and not linear.partials.get("v") else None
-
-    def least(value: float) -> float:
-        try:
-            changed = dataclasses.replace(vehicle, model=model.replace(**{parameter: value}))
-            gap = fixed_gap if fixed_gap is not None else changed.model.equilibrium_gap(linear.speed)
-            other = _linear(changed, linear.speed, gap)
-        except HeadwayError:
-            return math.nan
-        return other.margin if other.margin < 0.0 else min(other.margin, other.decay_rate)
-
-    info, now = model.law.parameters[parameter].info, model.parameters[parameter]
-    low, high = max(info.low, -1e3), min(info.high, 1e3)
-    values = np.unique(np.append(np.linspace(low, high, 200), now))
-    if high > 0:
-        values = np.union1d(values, np.geomspace(max(low, 1e-3 * high), high, 100))
-    here = int(np.searchsorted(values, now))
-    candidates = []
-    for side in (values[here:], values[here::-1]):
-        known = [(float(side[0]), least(float(side[0])))]
-        for value in side[1:].tolist():
-            known.append((value, least(value)))
-            (a, fa), (b, fb) = known[-2:]
-            if math.isfinite(fa) and math.isfinite(fb) and (fa < 0) != (fb < 0):
-                candidates.append(root(least, a, b, 1e-12))
-                break
-    return min(candidates, key=lambda v: abs(v - now), default=math.nan)

@@ -111,7 +111,7 @@ def gmm_critical_sensitivity(l: Any, *, gap: Any = 10.0) -> Any:  # noqa: E741  
     return np.asarray(l, dtype=float) / gap
 
 
-def gmm_transfer(p: Any, *, alpha: Any = 1.5, m: Any = 1.0, l: Any = 2.0, speed: Any = 23.0, gap: Any = 10.0) -> Any:  # noqa: E741
+def gmm_transfer(p: Any, *, alpha: Any = 1.5, m: Any = 1.0, l: Any = 2.0, speed: Any = 23.0, gap: Any = 10.0) -> Any:  # noqa: E741  as above
     """The "more accurate" G at complex `p` [1/s]; section on GMM, no label: (C p + C l/s) / (p² + C p + C l/s).
 
     Wrong: the law is proportional to the relative speed, so its derivative by the spacing is zero in
