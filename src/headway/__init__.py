@@ -15,7 +15,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from headway.version import __version__
 
 #: public name → (module, name in it; None for the module itself)
 _PUBLIC: dict[str, tuple[str, str | None]] = {

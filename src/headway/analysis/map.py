@@ -265,7 +265,7 @@ def _refined(lines: list[Array], axes: list[Array], inside: Callable[[Array], ND
 def _dataset(car: Vehicle, axes: dict[str, Array], points: Points, what: str, found: dict[str, Any]) -> xr.Dataset:
     import xarray as xr
 
-    from headway import __version__
+    from headway.version import __version__
 
     names = tuple(axes)
     verdicts = _kind(points)

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import cyclopts
 from cyclopts import App
 
-from headway import __version__
 from headway.cli.benchmark import benchmark
 from headway.cli.calibrate import calibrate
 from headway.cli.data import data_app
@@ -22,6 +21,7 @@ from headway.cli.run import run, schema
 from headway.cli.stability import stability
 from headway.cli.study import study_app
 from headway.errors import HeadwayError, HeadwayWarning
+from headway.version import __version__
 
 __all__ = ["app", "main"]
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from headway import __version__
 from headway.cli import show
 from headway.errors import HeadwayError
+from headway.version import __version__
 
 if TYPE_CHECKING:
     from headway.engine.run import Result

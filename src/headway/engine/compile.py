@@ -25,10 +25,10 @@ from numba import types as nt
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-import headway
 from headway.errors import HeadwayError
 from headway.models import Law, Model, maths
 from headway.models.fingerprint import fingerprint
+from headway.version import __version__
 
 __all__ = ["address", "address_of", "at", "cache_folder", "call_rate", "evaluate", "whole"]
 
@@ -174,7 +174,7 @@ def _compiled(
 ) -> Any:
     text = _source(law, dict(fixed), varying, implicit, chained)
     # cached code looks its module up by name, so a law that moved to another module is another law
-    identity = "\n".join((headway.__version__, law.function.__module__, fingerprint(law.function), text))
+    identity = "\n".join((__version__, law.function.__module__, fingerprint(law.function), text))
     name = f"law_{hashlib.sha256(identity.encode()).hexdigest()[:32]}"
     path = cache_folder() / f"{name}.py"
     if not path.exists():

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-import headway
 from headway.engine.run import Result
 from headway.scenario.scenario import Scenario
 from headway.schema import describe
+from headway.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -66,7 +66,7 @@ def to_dataset(scenario: Scenario, result: Result) -> xr.Dataset:
             "seed": scenario.seed,
             "scheme": scenario.scheme,
             "dt": scenario.step,
-            "headway_version": headway.__version__,
+            "headway_version": __version__,
             "citations": "\n".join(
                 dict.fromkeys(
                     m.law.source + (f", doi:{m.law.doi}" if m.law.doi else "") for m in models if m.law.source

@@ -18,7 +18,6 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from headway import __version__
 from headway.errors import HeadwayError
 from headway.explorer import state as states
 from headway.explorer.controls import controls
@@ -26,6 +25,7 @@ from headway.explorer.exports import FORMS, export
 from headway.explorer.guard import Guard
 from headway.explorer.session import Session
 from headway.models import Law
+from headway.version import __version__
 
 __all__ = ["make_app", "plotly_script"]
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import headway
 from headway.errors import HeadwayError, shorten
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
@@ -27,6 +26,7 @@ from headway.study.store import Store
 from headway.study.templates import Table
 from headway.study.theory import VERDICTS, TheoryJob
 from headway.study.work import PENDING, Job, Worker, batch_size, own_value
+from headway.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -262,12 +262,12 @@ class Study:
 
         own = [fingerprint(m.function) for m in job.metrics if isinstance(m, Own)]
         names = dict(job.shapes)
-        text = json.dumps([self.hash, names, own, headway.__version__])
+        text = json.dumps([self.hash, names, own, __version__])
         return {
             "hash": hashlib.sha256(text.encode()).hexdigest(),
             "title": self.scenario.name
             or f"{' × '.join(self.points.dims)} behind a {self.scenario.leader.kind} leader",
-            "version": headway.__version__,
+            "version": __version__,
             "points": self.points.count,
             "chunk": size,
             "vehicles": job.vehicles,
@@ -284,7 +284,7 @@ class Study:
             "scenario": self.scenario.to_toml(),
             "study_hash": self.hash,
             "design": self.design,
-            "headway_version": headway.__version__,
+            "headway_version": __version__,
         }
 
 

@@ -6,12 +6,12 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import headway
 from headway.scenario.disturbance import Disturbance
 from headway.study.benchmark.cells import Board
 from headway.study.benchmark.measures import MEASURES
 from headway.study.benchmark.outcome import Outcome
 from headway.study.benchmark.scores import CRITERIA, OWN, TOLERANCE
+from headway.version import __version__
 from headway.view.report import Section, Table, Text
 
 __all__ = ["citations", "methods", "parameters", "provenance"]
@@ -105,7 +105,7 @@ def parameters(outcome: Outcome) -> Section:
 def provenance(outcome: Outcome) -> dict[str, str]:
     b = outcome.board.benchmark
     return {
-        "headway": headway.__version__,
+        "headway": __version__,
         "cells": f"{len(outcome.board.cells)}, of which {len(outcome.board.failed)} could not be run",
         "scenarios (SHA-256 over their hashes)": outcome.digest,
         "seed": "0; nothing in this benchmark is random unless a leader of kind noise takes part",

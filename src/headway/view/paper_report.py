@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import headway
 from headway.library import library_scenario
 from headway.models import BUILT_IN
 from headway.study.paper.claims import GROUPS
@@ -17,6 +16,7 @@ from headway.study.paper.experiments import EXPERIMENTS, STATED, Experiment
 from headway.study.paper.reproduction import Progress, asked, choice, count, key_condition, reason, shown, tables
 from headway.study.paper.settings import AXES, GAINS, IDM_SETS
 from headway.study.paper.verdicts import THRESHOLDS, Condition, Finding, Outcome
+from headway.version import __version__
 from headway.view.paper_figures import dependence, figures
 from headway.view.report import Picture, Report, Section, Table, Text
 from headway.view.report.parts import Block
@@ -298,7 +298,7 @@ def _provenance(names: Iterable[str]) -> dict[str, str]:
     scenarios = [library_scenario(f"paper:{name}") for name in names]
     hashes, longest = [s.hash for s in scenarios], max((s.step for s in scenarios), default=0.0)
     return {
-        "headway": headway.__version__,
+        "headway": __version__,
         "command": "headway paper",
         "scheme": f"rk4, steps of at most {longest:g} s that end on breaking points",
         "randomness": "none",

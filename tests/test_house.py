@@ -1,0 +1,23 @@
+"""The order of the package: what its own files may take from where, and that its public names are really there."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "src" / "headway"
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_room_imports_the_front_door(path):
+    """The package itself loads every room, so a room that imports it closes a circle; a folder in it is no circle."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            assert all(alias.name != "headway" for alias in node.names), f"line {node.lineno}: import headway"
+        if isinstance(node, ast.ImportFrom) and node.module == "headway":
+            for alias in node.names:
+                here = (PACKAGE / alias.name).is_dir() or (PACKAGE / f"{alias.name}.py").is_file()
+                assert here, f"line {node.lineno}: from headway import {alias.name}"
