@@ -141,7 +141,7 @@ def board(*cells, sweep=(0.0, 0.5, 1.0)):
         Entry(n, hw.Vehicle(hw.models.IDM()), ("s", "v", "dv"), None, (), (), "")
         for n in dict.fromkeys(c.who for c in cells)
     )
-    courses = (Course("a", Sine(20, 1, 1), 10.0, True), Course("b", Brake(20, 5, 5), 10.0, True))
+    courses = (Course("a", Sine(20, 1, 1), 10.0, True, False), Course("b", Brake(20, 5, 5), 10.0, True, False))
     benchmark = Benchmark(entries, courses, (Late("none"),), (), 5, 20.0, 30.0, 0.01, 0.1, sweep)
     return Board(benchmark, cells, {}, {}, {})
 
@@ -360,3 +360,18 @@ def test_quick_is_a_part_of_the_whole():
     assert [c.name for c in part.courses] == ["harmonic", "brake", "WLTC"]
     assert part.sweep == (0.0, 0.5, 1.0, 1.5)
     assert part.entries == whole.entries
+
+
+def test_a_file_says_what_is_quick(tmp_path):
+    (tmp_path / "own.toml").write_text(
+        'without = ["harmonic", "brake", "WLTC"]\n[[disturbances]]\nname = "wave"\nquick = true\nduration = 20\n'
+        'leader = { kind = "triangle", mean = 23, amplitude = 1, omega = 1 }\n'
+    )
+    assert [c.name for c in load_benchmark(tmp_path / "own.toml").quick().courses] == ["wave"]
+    (tmp_path / "own.toml").write_text('without = ["harmonic", "brake", "WLTC"]')
+    assert [c.name for c in load_benchmark(tmp_path / "own.toml").quick().courses] == ["windowed"]
+    (tmp_path / "own.toml").write_text(
+        '[[disturbances]]\nname = "x"\nquick = 3\nleader = { kind = "constant", speed = 3 }'
+    )
+    with pytest.raises(hw.HeadwayError, match=r"disturbances\.0"):
+        load_benchmark(tmp_path / "own.toml")

@@ -142,7 +142,7 @@ class Plan:
     def of(cls, scenarios: Sequence[Scenario]) -> Plan:
         """The plan of scenarios that share a `structure`."""
         first = scenarios[0]
-        shared = len({(s.leader, s.cruise) for s in scenarios}) == 1 and first.leader.kind != "noise"
+        shared = len({(s.leader, s.cruise) for s in scenarios}) == 1 and not first.leader.random
         motions = [first.motion] if shared else [s.motion for s in scenarios]
         return cls.of_lanes(Frame.of(first), motions, Lanes.of(scenarios, motions))
 

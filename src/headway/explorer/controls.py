@@ -8,38 +8,13 @@ from typing import Any
 
 from headway.models import RADIO, SIGNALS, Law, Parameter
 from headway.models.registry import with_own
+from headway.scenario.disturbance import KINDS
 from headway.scenario.files import schema
 
 __all__ = ["controls", "map_axes", "slider"]
 
-#: fields of leaders: value to begin with, and the range of a slider (annotations bound them on one side only)
-_FIELDS: dict[str, tuple[Any, float, float]] = {
-    "mean": (23.0, 0.0, 45.0),
-    "speed": (23.0, 0.0, 45.0),
-    "amplitude": (2.0, 0.0, 10.0),
-    "omega": (0.63, 0.02, 6.0),
-    "omega_start": (0.1, 0.02, 6.0),
-    "omega_end": (2.0, 0.02, 6.0),
-    "sweep": (60.0, 1.0, 300.0),
-    "duration": (20.0, 0.5, 300.0),
-    "onset": (5.0, 0.0, 100.0),
-    "change": (-5.0, -20.0, 20.0),
-    "drop": (8.0, 0.1, 30.0),
-    "hold": (5.0, 0.0, 60.0),
-    "ramp": (2.0, 0.1, 20.0),
-    "recovery": (0.0, 0.0, 30.0),
-    "edge": (0.5, 0.0, 10.0),
-    "sd": (1.0, 0.0, 5.0),
-    "correlation_time": (5.0, 0.1, 60.0),
-    "sample": (0.5, 0.1, 5.0),
-    "start": (0.0, 0.0, 1800.0),
-    "end": (None, 1.0, 1800.0),
-    "amplitudes": ([1.0, 0.6], 0.0, 0.0),
-    "omegas": ([0.4, 1.1], 0.0, 0.0),
-    "name": ("udds", 0.0, 0.0),
-}
-
-#: the same for a vehicle and for the run
+#: fields of a vehicle and of the run: value to begin with, and the range of a slider (annotations bound them on one
+#: side only); those of leaders stand with the leaders, as `usual`
 _VEHICLE = {"lag": (0.0, 0.0, 2.0), "length": (5.0, 0.0, 30.0)}
 _RUN = {"duration": (60.0, 5.0, 600.0), "gaps": (30.0, 1.0, 100.0), "seed": (0, 0.0, 100.0)}
 _DELAY = (0.0, 2.0)
@@ -130,15 +105,16 @@ def _axes(law: Law) -> dict[str, tuple[float, float]]:
 def map_axes(law: Law) -> list[list[Any]]:
     """The axes that a map of this law begins with: its time gap or its first parameter, and the delay."""
     axes = _axes(law)
-    first = next((n for n in ("T", "h", "alpha") if n in axes and law.name != "ovm"), next(iter(axes)))
+    first = next((p.name for p in law.parameters.values() if p.name in axes and p.info.unit == "s"), next(iter(axes)))
     second = "delay" if any(s not in RADIO for s in law.signals) else f"delay.{law.signals[0]}"
     return [[first, *axes[first]], [second, *axes[second]]]
 
 
 def _kind(part: Mapping[str, Any]) -> dict[str, Any]:
     required = part.get("required", ())
-    fields = [_field(n, p, n in required, _FIELDS) for n, p in part["properties"].items() if n != "kind"]
-    return {"text": part["description"], "fields": fields}
+    fields = [_field(n, p, n in required, {}) for n, p in part["properties"].items() if n != "kind"]
+    random = KINDS[part["properties"]["kind"]["const"]].random
+    return {"text": part["description"], "fields": fields, "random": random}
 
 
 def _field(
@@ -147,7 +123,7 @@ def _field(
     """One field from its JSON schema."""
     forms = [part, *part.get("anyOf", ())]
     types = {f.get("type") for f in forms}
-    start, low, high = known.get(name, (None, 0.0, 1.0))
+    start, low, high = known.get(name) or next((f["usual"] for f in forms if "usual" in f), (None, 0.0, 1.0))
     unit = next((f["unit"] for f in forms if f.get("unit")), "")
     found: dict[str, Any] = {
         "name": name,
@@ -158,10 +134,6 @@ def _field(
         "start": start if required or part.get("default") is None else part["default"],
     }
     choices = next((f["enum"] for f in forms if "enum" in f), None)
-    if name == "name" and "cycle" in found["text"]:
-        from headway.data.cycles import CYCLES
-
-        choices = list(CYCLES)
     if choices is not None:
         return {**found, "type": "choice", "choices": choices}
     if types & {"number", "integer"}:

@@ -188,6 +188,4 @@ def _theory(state: State, arrays: dict[str, Array]) -> dict[str, Any]:
 
 def marks(scenario: Scenario) -> list[float]:
     """Frequencies [rad/s] of the disturbance."""
-    leader = scenario.leader
-    single = [getattr(leader, n) for n in ("omega", "omega_start", "omega_end") if hasattr(leader, n)]
-    return [float(w) for w in (*single, *getattr(leader, "omegas", ()))]
+    return [float(w) for w in scenario.leader.frequencies]

@@ -17,6 +17,7 @@ from typing import Any
 
 from headway.errors import HeadwayError, shorten
 from headway.models import Law
+from headway.scenario.disturbance import KINDS, Disturbance
 from headway.scenario.files import from_table, to_table
 from headway.scenario.scenario import Scenario
 
@@ -105,7 +106,8 @@ def _bound(table: Mapping[str, Any], limits: Limits) -> None:
         )
     halves = seconds * _number(leader.get("omega"), 0.0) / math.pi
     samples = seconds / max(_number(leader.get("sample"), 1.0), 1e-9)
-    if max(halves * max(vehicles, 1), samples) > limits.corners and leader.get("kind") not in ("sine", "window"):
+    kind = KINDS.get(str(leader.get("kind")), Disturbance)
+    if max(halves * max(vehicles, 1), samples) > limits.corners and not kind.harmonic:
         raise HeadwayError(f"the {shorten(leader.get('kind'))} leader changes too often for the explorer")
 
 

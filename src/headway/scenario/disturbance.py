@@ -15,6 +15,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
+from headway.data.cycles import CYCLES, load_cycle
 from headway.errors import HeadwayError, unknown_name
 from headway.scenario.fields import Finite, NonNegative, Numbers, Positive, spec, unit
 from headway.scenario.motion import Motion, Piece, polyline, smooth_curve
@@ -36,17 +37,30 @@ __all__ = [
     "Window",
 ]
 
-Mean = Annotated[NonNegative, unit("m/s", "mean speed, also the speed before the start")]
-Amplitude = Annotated[Finite, unit("m/s", "amplitude of the speed")]
-Omega = Annotated[Positive, unit("rad/s", "angular frequency")]
-Onset = Annotated[NonNegative, unit("s", "time at which it begins")]
-Edge = Annotated[NonNegative, unit("s", "duration of each edge, centred on it; 0 is an ideal jump")]
+Mean = Annotated[NonNegative, unit("m/s", "mean speed, also the speed before the start", usual=[23.0, 0.0, 45.0])]
+Amplitude = Annotated[Finite, unit("m/s", "amplitude of the speed", usual=[2.0, 0.0, 10.0])]
+Omega = Annotated[Positive, unit("rad/s", "angular frequency", usual=[0.63, 0.02, 6.0])]
+Onset = Annotated[NonNegative, unit("s", "time at which it begins", usual=[5.0, 0.0, 100.0])]
+_EDGE = [0.5, 0.0, 10.0]
+Edge = Annotated[NonNegative, unit("s", "duration of each edge, centred on it; 0 is an ideal jump", usual=_EDGE)]
 
 
 class Disturbance:
-    """Base of all leaders."""
+    """Base of all leaders.
 
+    A leader says of itself what others need to know of it, so that nobody asks for its kind.
+    """
+
+    #: its name in a file
     kind: ClassVar[str]
+    #: whether the motion depends on the scenario's seed
+    random: ClassVar[bool] = False
+    #: whether it returns to a steady speed by itself and keeps it, so that what follows can settle
+    settles: ClassVar[bool] = False
+    #: whether a sine is all that it is made of, so that its cost does not grow with its frequency
+    harmonic: ClassVar[bool] = False
+    #: where its numbers come from, to be cited
+    source: ClassVar[str] = ""
 
     def motion(self, seed: int, duration: float) -> Motion:
         """The exact motion for at least `duration` [s]; `seed` matters to random leaders only."""
@@ -57,12 +71,33 @@ class Disturbance:
         """Length [s] of a leader that ends by itself, else None."""
         return None
 
+    @property
+    def fundamental(self) -> float | None:
+        """Angular frequency [rad/s] with which it repeats itself for ever, else None."""
+        return None
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Angular frequencies [rad/s] that it is made of or sweeps between; empty where none stands out."""
+        return () if self.fundamental is None else (self.fundamental,)
+
+
+class Repeating(Disturbance):
+    """Base of leaders that repeat themselves with the angular frequency `omega` from t = 0 on."""
+
+    omega: Omega
+
+    @property
+    def fundamental(self) -> float:
+        """Angular frequency [rad/s] with which it repeats itself."""
+        return self.omega
+
 
 @spec
 class Constant(Disturbance):
     """Steady speed, for platoons that are disturbed by their initial state."""
 
-    speed: Annotated[NonNegative, unit("m/s", "speed")]
+    speed: Annotated[NonNegative, unit("m/s", "speed", usual=[23.0, 0.0, 45.0])]
     kind: ClassVar[str] = "constant"
 
     def motion(self, seed: int, duration: float) -> Motion:
@@ -70,13 +105,14 @@ class Constant(Disturbance):
 
 
 @spec
-class Sine(Disturbance):
+class Sine(Repeating):
     """Harmonic disturbance `v = mean + A sin(ω t)` from t = 0."""
 
     mean: Mean
     amplitude: Amplitude
     omega: Omega
     kind: ClassVar[str] = "sine"
+    harmonic: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
         return Motion.of(self.mean, [Piece(0.0, (self.mean,), ((self.amplitude, self.omega, 0.0, 0.0),))])
@@ -89,9 +125,16 @@ class Window(Disturbance):
     mean: Mean
     amplitude: Amplitude
     omega: Omega
-    duration: Annotated[Positive, unit("s", "duration of the window")]
+    duration: Annotated[Positive, unit("s", "duration of the window", usual=[20.0, 0.5, 300.0])]
     onset: Onset = 0.0
     kind: ClassVar[str] = "window"
+    harmonic: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """The one of its sine."""
+        return (self.omega,)
 
     def motion(self, seed: int, duration: float) -> Motion:
         pieces = [Piece(self.onset, (self.mean,), ((self.amplitude, self.omega, 0.0, 0.0),))]
@@ -104,11 +147,14 @@ class Window(Disturbance):
 class Step(Disturbance):
     """Single step of the speed by `change`, as a linear ramp that takes `edge` from the onset on."""
 
-    mean: Annotated[NonNegative, unit("m/s", "speed before the step")]
-    change: Annotated[Finite, unit("m/s", "change of speed, negative to slow down")]
+    mean: Annotated[NonNegative, unit("m/s", "speed before the step", usual=[23.0, 0.0, 45.0])]
+    change: Annotated[Finite, unit("m/s", "change of speed, negative to slow down", usual=[-5.0, -20.0, 20.0])]
     onset: Onset = 0.0
-    edge: Annotated[NonNegative, unit("s", "duration of the ramp from the onset on; 0 is an ideal jump")] = 0.0
+    edge: Annotated[
+        NonNegative, unit("s", "duration of the ramp from the onset on; 0 is an ideal jump", usual=_EDGE)
+    ] = 0.0
     kind: ClassVar[str] = "step"
+    settles: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
         after = self.mean + self.change
@@ -119,13 +165,16 @@ class Step(Disturbance):
 class Brake(Disturbance):
     """Abrupt braking: ramp down by `drop`, hold, ramp back."""
 
-    mean: Annotated[NonNegative, unit("m/s", "speed before and after")]
-    drop: Annotated[Positive, unit("m/s", "by how much the speed falls")]
-    hold: Annotated[NonNegative, unit("s", "how long the low speed is held")]
-    ramp: Annotated[Positive, unit("s", "duration of the ramp down")] = 1.0
-    recovery: Annotated[NonNegative, unit("s", "duration of the ramp back; 0 takes that of the ramp down")] = 0.0
+    mean: Annotated[NonNegative, unit("m/s", "speed before and after", usual=[23.0, 0.0, 45.0])]
+    drop: Annotated[Positive, unit("m/s", "by how much the speed falls", usual=[8.0, 0.1, 30.0])]
+    hold: Annotated[NonNegative, unit("s", "how long the low speed is held", usual=[5.0, 0.0, 60.0])]
+    ramp: Annotated[Positive, unit("s", "duration of the ramp down", usual=[2.0, 0.1, 20.0])] = 1.0
+    recovery: Annotated[
+        NonNegative, unit("s", "duration of the ramp back; 0 takes that of the ramp down", usual=[0.0, 0.0, 30.0])
+    ] = 0.0
     onset: Onset = 0.0
     kind: ClassVar[str] = "brake"
+    settles: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
         low = self.mean - self.drop
@@ -139,7 +188,7 @@ def _check_edge(kind: str, edge: float, omega: float) -> None:
 
 
 @spec
-class Square(Disturbance):
+class Square(Repeating):
     """Square wave `mean ± A`, high first; each edge a ramp of `edge` seconds around the ideal jump."""
 
     mean: Mean
@@ -163,7 +212,7 @@ class Square(Disturbance):
 
 
 @spec
-class Sawtooth(Disturbance):
+class Sawtooth(Repeating):
     """Sawtooth that rises through the mean at t = 0 and falls from +A to -A each half period later."""
 
     mean: Mean
@@ -187,7 +236,7 @@ class Sawtooth(Disturbance):
 
 
 @spec
-class Triangle(Disturbance):
+class Triangle(Repeating):
     """Triangle wave that rises through the mean at t = 0; its speed has corners and no jumps."""
 
     mean: Mean
@@ -208,8 +257,8 @@ class Multisine(Disturbance):
     """Sum of sines `mean + Σ A_k sin(ω_k t + φ_k)` from t = 0."""
 
     mean: Mean
-    amplitudes: Annotated[Numbers, unit("m/s", "amplitude of each sine")]
-    omegas: Annotated[Numbers, unit("rad/s", "angular frequency of each sine")]
+    amplitudes: Annotated[Numbers, unit("m/s", "amplitude of each sine", usual=[[1.0, 0.6], 0.0, 0.0])]
+    omegas: Annotated[Numbers, unit("rad/s", "angular frequency of each sine", usual=[[0.4, 1.1], 0.0, 0.0])]
     phases: Annotated[Numbers, unit("rad", "phase of each sine; empty for all zero")] = ()
     kind: ClassVar[str] = "multisine"
 
@@ -224,6 +273,11 @@ class Multisine(Disturbance):
         if min(self.omegas) <= 0:
             raise HeadwayError(f"multisine.omegas = {list(self.omegas)} must all be greater than 0")
 
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Those of its sines."""
+        return self.omegas
+
     def motion(self, seed: int, duration: float) -> Motion:
         phases = self.phases or (0.0,) * len(self.omegas)
         sines = tuple((a, w, p, 0.0) for a, w, p in zip(self.amplitudes, self.omegas, phases, strict=True))
@@ -236,10 +290,15 @@ class Chirp(Disturbance):
 
     mean: Mean
     amplitude: Amplitude
-    omega_start: Annotated[Positive, unit("rad/s", "angular frequency at t = 0")]
-    omega_end: Annotated[Positive, unit("rad/s", "angular frequency at the end of the sweep")]
-    sweep: Annotated[Positive, unit("s", "duration of the sweep")]
+    omega_start: Annotated[Positive, unit("rad/s", "angular frequency at t = 0", usual=[0.1, 0.02, 6.0])]
+    omega_end: Annotated[Positive, unit("rad/s", "angular frequency at the end of the sweep", usual=[2.0, 0.02, 6.0])]
+    sweep: Annotated[Positive, unit("s", "duration of the sweep", usual=[60.0, 1.0, 300.0])]
     kind: ClassVar[str] = "chirp"
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """The first and the last of the sweep."""
+        return self.omega_start, self.omega_end
 
     def motion(self, seed: int, duration: float) -> Motion:
         beta = (self.omega_end - self.omega_start) / self.sweep
@@ -259,10 +318,11 @@ class Noise(Disturbance):
     """
 
     mean: Mean
-    sd: Annotated[NonNegative, unit("m/s", "standard deviation of the speed")]
-    correlation_time: Annotated[Positive, unit("s", "correlation time τ")] = 5.0
-    sample: Annotated[Positive, unit("s", "distance of the samples")] = 0.5
+    sd: Annotated[NonNegative, unit("m/s", "standard deviation of the speed", usual=[1.0, 0.0, 5.0])]
+    correlation_time: Annotated[Positive, unit("s", "correlation time τ", usual=[5.0, 0.1, 60.0])] = 5.0
+    sample: Annotated[Positive, unit("s", "distance of the samples", usual=[0.5, 0.1, 5.0])] = 0.5
     kind: ClassVar[str] = "noise"
+    random: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
         # two samples beyond the end keep the path the same when only the duration changes
@@ -284,15 +344,18 @@ class Cycle(Disturbance):
     monotone cubic (`interpolation = "smooth"`).
     """
 
-    name: Annotated[str, unit("", "name of the cycle: wltc3b wltc3a udds us06 hwfet")]
-    start: Annotated[NonNegative, unit("s", "where the section begins")] = 0.0
-    end: Annotated[Positive | None, unit("s", "where it ends; the end of the cycle if not given")] = None
+    name: Annotated[str, unit("", "name of the cycle", enum=list(CYCLES), usual=["udds", 0.0, 0.0])]
+    start: Annotated[NonNegative, unit("s", "where the section begins", usual=[0.0, 0.0, 1800.0])] = 0.0
+    end: Annotated[
+        Positive | None, unit("s", "where it ends; the end of the cycle if not given", usual=[None, 1.0, 1800.0])
+    ] = None
     interpolation: Literal["linear", "smooth"] = "linear"
     kind: ClassVar[str] = "cycle"
+    source: ClassVar[str] = (
+        "Driving cycles: UN Global Technical Regulation No. 15 (WLTC) and US EPA (US06, HWFET, UDDS)"
+    )
 
     def __post_init__(self) -> None:
-        from headway.data.cycles import load_cycle
-
         length = float(load_cycle(self.name).time[-1])
         end = length if self.end is None else self.end
         if not self.start < end <= length:
@@ -302,13 +365,9 @@ class Cycle(Disturbance):
 
     @property
     def span(self) -> float:
-        from headway.data.cycles import load_cycle
-
         return (float(load_cycle(self.name).time[-1]) if self.end is None else self.end) - self.start
 
     def motion(self, seed: int, duration: float) -> Motion:
-        from headway.data.cycles import load_cycle
-
         cycle = load_cycle(self.name)
         return section(cycle.time, cycle.speed, self.start, self.start + self.span, self.interpolation)
 

@@ -51,9 +51,17 @@ NonNegative = Annotated[float, Field(allow_inf_nan=False, ge=0), BeforeValidator
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_numbers)]
 
 
-def unit(symbol: str, description: str) -> Any:
-    """Field metadata: the unit and meaning that the schema and the docs show."""
-    return Field(description=f"{description} [{symbol}]" if symbol else description, json_schema_extra={"unit": symbol})
+def unit(symbol: str, description: str, **more: Any) -> Any:
+    """Metadata of a field: its unit and meaning, as the schema and the docs show them.
+
+    Args:
+        symbol: unit, "" for none.
+        description: meaning in a few words.
+        **more: further keys of the JSON schema: `usual` = [value to begin with, low, high] is where a slider
+            of the explorer stands and how far it goes; `enum` = the names that are allowed.
+    """
+    text = f"{description} [{symbol}]" if symbol else description
+    return Field(description=text, json_schema_extra={"unit": symbol, **more})
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))

@@ -36,9 +36,13 @@ class Recorded(Disturbance):
     file: Annotated[str | None, unit("", "file of trajectories; a relative path starts at the scenario's folder")] = (
         None
     )
-    vehicle: Annotated[int, unit("", "which vehicle of the file, 0 is its leader")] = 0
-    start: Annotated[NonNegative, unit("s", "start of the section, from the beginning of the record")] = 0.0
-    end: Annotated[Positive | None, unit("s", "end of the section; the end of the record if not given")] = None
+    vehicle: Annotated[int, unit("", "which vehicle of the file, 0 is its leader", usual=[0, 0, 100])] = 0
+    start: Annotated[
+        NonNegative, unit("s", "start of the section, from the beginning of the record", usual=[0.0, 0.0, 1800.0])
+    ] = 0.0
+    end: Annotated[
+        Positive | None, unit("s", "end of the section; the end of the record if not given", usual=[None, 1.0, 1800.0])
+    ] = None
     interpolation: Literal["smooth", "linear"] = "smooth"
     format: Annotated[str | None, unit("", "file format; found by looking if not given")] = None
     columns: Annotated[Pairs, unit("", "our name = the file's name of a column")] = ()

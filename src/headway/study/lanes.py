@@ -52,7 +52,7 @@ class Kind:
     @classmethod
     def of(cls, template: Template) -> Kind:
         s = template.scenario
-        seed = s.seed if s.leader.kind == "noise" else 0
+        seed = s.seed if s.leader.random else 0
         return cls(template, structure(s), (s.leader, seed, s.end, s.cruise))
 
     @functools.cached_property

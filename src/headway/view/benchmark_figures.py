@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from headway.study.benchmark.cells import PUBLISHED, SWEEP, Board
-from headway.study.benchmark.measures import periodic
 from headway.study.benchmark.scores import Score
 from headway.study.benchmark.theory import Theory, gain_at, linear, steady
 from headway.view import style
@@ -62,7 +61,7 @@ def gains(board: Board, theory: Sequence[Theory]) -> Figure:
     looks = dict(zip((e.name for e in b.entries), style.series(len(b.entries)), strict=True))
     omega = np.geomspace(0.02, 5.0, 400)
     course = steady(b)
-    at = periodic(course.leader) if course is not None else None
+    at = course.leader.fundamental if course is not None else None
     for ax, case in zip(axes, b.cases, strict=True):
         for entry in b.entries:
             found = next(t for t in theory if t.who == entry.name and t.delays == case.name)
@@ -92,7 +91,7 @@ def sweeps(board: Board) -> Figure:
     """Against the delay: growth per vehicle behind the sine, simulated (dots) and by theory (lines), and least TTC."""
     b = board.benchmark
     course = steady(b) or next(c for c in b.courses if c.sweep)
-    omega = periodic(course.leader)
+    omega = course.leader.fundamental
     figure = style.new_figure(2.9)
     left, right = figure.subplots(1, 2)
     looks = dict(zip((e.name for e in b.entries), style.series(len(b.entries)), strict=True))

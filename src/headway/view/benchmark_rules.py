@@ -108,7 +108,7 @@ def provenance(outcome: Outcome) -> dict[str, str]:
         "headway": __version__,
         "cells": f"{len(outcome.board.cells)}, of which {len(outcome.board.failed)} could not be run",
         "scenarios (SHA-256 over their hashes)": outcome.digest,
-        "seed": "0; nothing in this benchmark is random unless a leader of kind noise takes part",
+        "seed": "0; nothing in this benchmark is random unless a random leader takes part",
         "integration": f"rk4, steps of at most {b.dt:g} s",
     }
 
@@ -117,6 +117,5 @@ def citations(board: Board) -> tuple[str, ...]:
     laws = [e.model.law for e in board.benchmark.entries]
     found = [law.source + (f", doi:{law.doi}" if law.doi else "") for law in laws if law.source]
     found += [c.source for c in CRITERIA if c.source != OWN]
-    if any(c.leader.kind == "cycle" for c in board.benchmark.courses):
-        found.append("Driving cycles: UN Global Technical Regulation No. 15 (WLTC) and US EPA (US06, HWFET, UDDS)")
+    found += [c.leader.source for c in board.benchmark.courses if c.leader.source]
     return tuple(dict.fromkeys(found))

@@ -217,7 +217,7 @@ export class Controls {
   run() {
     const { store, told } = this;
     return told.run
-      .filter((f) => (f.name === "gaps" ? typeof store.scenario.gaps === "number" : f.name !== "seed" || store.scenario.leader.kind === "noise"))
+      .filter((f) => (f.name === "gaps" ? typeof store.scenario.gaps === "number" : f.name !== "seed" || told.kinds[store.scenario.leader.kind].random))
       .filter((f) => f.name !== "duration" || store.scenario.duration !== undefined)
       .map((f) => this.field(f, () => store.scenario));
   }

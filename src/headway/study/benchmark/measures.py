@@ -17,7 +17,7 @@ from headway.scenario.disturbance import Disturbance
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MEASURES", "Measure", "measured", "periodic"]
+__all__ = ["MEASURES", "Measure", "measured"]
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,6 @@ class Measure:
     unit: str
     meaning: str
     of: Callable[[xr.Dataset, Disturbance], xr.DataArray]
-
-
-def periodic(leader: Disturbance) -> float | None:
-    """The angular frequency [rad/s] of a leader that repeats itself for ever, else None."""
-    return getattr(leader, "omega", None) if leader.kind in ("sine", "square", "sawtooth", "triangle") else None
 
 
 def _growth(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
@@ -44,7 +39,7 @@ def _head_to_tail(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
 
 def _passed_on(runs: xr.Dataset, leader: Disturbance, to: Literal["predecessor", "leader"]) -> xr.DataArray:
     """Ratio of fundamentals where the leader repeats itself, else of L2 norms."""
-    omega = periodic(leader)
+    omega = leader.fundamental
     return metrics.l2_ratio(runs, to=to) if omega is None else metrics.amplitude_growth(runs, omega=omega, to=to)
 
 
@@ -61,7 +56,7 @@ def _tracking(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
 
 
 def _settling(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
-    if leader.kind not in ("window", "step", "brake"):
+    if not leader.settles:
         raise HeadwayError(f"a {leader.kind} leader does not come to rest, so nothing settles behind it")
     return _followers(metrics.settling_time(runs)).max("vehicle", skipna=False)
 

@@ -74,12 +74,16 @@ class Late:
 
 @dataclass(frozen=True)
 class Course:
-    """A disturbance: a leader and how long it is followed [s]; `sweep` if the delays are swept behind it."""
+    """A disturbance: a leader and how long it is followed [s].
+
+    `sweep` if the delays are swept behind it, `quick` if it is part of the short form.
+    """
 
     name: str
     leader: Disturbance
     duration: float
     sweep: bool
+    quick: bool
 
 
 @dataclass(frozen=True)
@@ -128,18 +132,16 @@ class Benchmark:
         return next(e for e in self.entries if e.name == name)
 
     def quick(self) -> Benchmark:
-        """A short form: the first sine, braking and driving cycle, recorded leaders, and few delays of the sweep."""
-        firsts = {c.leader.kind: c for c in reversed(self.courses)}
-        chosen = [c for c in self.courses if c is firsts[c.leader.kind] and c.leader.kind in ("sine", "brake", "cycle")]
-        chosen += [c for c in self.courses if c.leader.kind == "recorded"]
+        """A short form: the disturbances that are marked `quick`, else the first, and few delays of the sweep."""
+        chosen = tuple(c for c in self.courses if c.quick)
         step = max(1, (len(self.sweep) - 1) // 3)
-        return dataclasses.replace(self, courses=tuple(chosen) or self.courses[:1], sweep=self.sweep[::step])
+        return dataclasses.replace(self, courses=chosen or self.courses[:1], sweep=self.sweep[::step])
 
 
 _OF_VEHICLE = tuple(k for k in FOLLOWER_KEYS if k not in ("count", "delay"))
 _LISTS: dict[str, tuple[str, ...]] = {
     "models": (*_OF_VEHICLE, "name", "late", "start_gap", "tune", "adjust", "note"),
-    "disturbances": ("name", "leader", "duration", "sweep"),
+    "disturbances": ("name", "leader", "duration", "sweep", "quick"),
     "delays": field_names(Late),
     "platoons": ("name", "order"),
 }
@@ -175,7 +177,7 @@ def load_benchmark(
     for i, leader in enumerate(leaders):
         name = Path(leader).stem if i == 0 and Path(leader).stem not in found["disturbances"] else f"recorded {i + 1}"
         recorded = Recorded(file=str(leader))
-        found["disturbances"][name] = Course(name, recorded, recorded.span, sweep=False)
+        found["disturbances"][name] = Course(name, recorded, recorded.span, sweep=False, quick=True)
     for name in without:
         if not any(rows.pop(name, None) for rows in found.values()):
             raise unknown_name("without", name, [n for rows in found.values() for n in rows])
@@ -258,10 +260,11 @@ def _course(row: Mapping[str, Any], place: str, folder: Path) -> Course:
         scenario = assemble({**table, "gaps": 30.0}, [Vehicle(IDM())], folder)
     except HeadwayError as error:
         raise HeadwayError(f"{place}: {error}") from None
-    sweep = row.get("sweep", scenario.leader.span is None)
-    if not isinstance(sweep, bool):
-        raise HeadwayError(f"{place}.sweep = {shorten(sweep)} is neither true nor false")
-    return Course(row["name"], scenario.leader, scenario.end, sweep)
+    marks = {"sweep": row.get("sweep", scenario.leader.span is None), "quick": row.get("quick", False)}
+    for key, value in marks.items():
+        if not isinstance(value, bool):
+            raise HeadwayError(f"{place}.{key} = {shorten(value)} is neither true nor false")
+    return Course(row["name"], scenario.leader, scenario.end, **marks)
 
 
 def _platoons(

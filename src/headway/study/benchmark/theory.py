@@ -12,7 +12,6 @@ from headway.analysis.metrics import throughput
 from headway.analysis.stability import Chain
 from headway.errors import HeadwayError
 from headway.study.benchmark.cells import PUBLISHED, Board
-from headway.study.benchmark.measures import periodic
 from headway.study.benchmark.spec import Benchmark, Course, Entry, Late
 
 __all__ = ["Mixed", "Theory", "gain_at", "linear", "of_entries", "of_platoons", "steady"]
@@ -54,8 +53,8 @@ class Mixed:
 
 
 def steady(benchmark: Benchmark) -> Course | None:
-    """The disturbance that one frequency of linear theory describes: the first sine."""
-    return next((c for c in benchmark.courses if c.leader.kind == "sine"), None)
+    """The disturbance that one frequency of linear theory describes: the first that is a sine for ever."""
+    return next((c for c in benchmark.courses if c.leader.harmonic and c.leader.fundamental is not None), None)
 
 
 def linear(entry: Entry, seconds: float, speed: float) -> Linear:
@@ -88,7 +87,7 @@ def _one(board: Board, entry: Entry, case: Late) -> Theory:
     try:
         found = linear(entry, entry.delay(case.onboard, case.radio), b.speed)
         late = linear(entry, 1.0, b.speed)  # the pattern whose critical delay is asked
-        omega = periodic(course.leader) if course is not None else None
+        omega = course.leader.fundamental if course is not None else None
         return Theory(
             who=entry.name,
             delays=case.name,
