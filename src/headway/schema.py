@@ -41,6 +41,8 @@ VARIABLES: dict[str, Variable] = {
 COORDINATES: dict[str, Variable] = {
     "time": Variable(("time",), "s", "t", "time"),
     "vehicle": Variable(("vehicle",), "", "n", "vehicle, 0 is the leader"),
+    "limit_low": Variable(("vehicle",), "m/s²", "a_min", "least acceleration that can be commanded"),
+    "limit_high": Variable(("vehicle",), "m/s²", "a_max", "largest acceleration that can be commanded"),
 }
 
 

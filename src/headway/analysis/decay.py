@@ -82,7 +82,7 @@ def overshoot(dataset: xr.Dataset, signal: str = "speed") -> xr.DataArray:
     leader's signal does not change.
     """
     signals = Signals(dataset, "overshoot", signal)
-    high, low = (extreme_of(signals.time, signals[signal], s) for s in (1.0, -1.0))
+    high, low = (extreme_of(signals.time, signals[signal], s, signals.bounds(signal)) for s in (1.0, -1.0))
     top, bottom = signals.reference(high, "leader"), signals.reference(low, "leader")
     span = np.where(top - bottom > _SAME, top - bottom, np.nan)
     if not np.isfinite(span).any():
@@ -114,21 +114,23 @@ def linf_ratio(
 def _norm_ratio(dataset: xr.Dataset, measure: str, signal: str, to: str, about: float | None) -> xr.DataArray:
     signals = Signals(dataset, measure, signal)
     values = signals[signal]
-    away = values - (values[..., :1] if about is None else checked(measure, "about", about))
+    middle = values[..., :1] if about is None else np.full((1,) * values.ndim, checked(measure, "about", about))
+    away = values - middle
+    reach = [np.broadcast_to(b, away.shape[:-1]) - middle[..., 0] for b in signals.bounds(signal)]
     weight = trapezoid(signals.time)
 
-    def norm(y: Array) -> Array:
+    def norm(y: Array, bounds: list[Array]) -> Array:
         if measure == "linf_ratio":
-            return peak_of(signals.time, y)
+            return peak_of(signals.time, y, (bounds[0], bounds[1]))
         size = np.sqrt((np.where(np.isfinite(y), y, 0.0) ** 2 * weight).sum(axis=-1))
         return np.where(np.isfinite(y).any(axis=-1), size, np.nan)
 
-    own = norm(away)
+    own = norm(away, reach)
     first = Signals.first(own)
     if not (own[..., first] > _SAME).any():
         raise HeadwayError(f"{measure}: {signal!r} of vehicle {signals.vehicle[first]} has an amplitude of zero")
     ahead = signals.reference(away.swapaxes(-1, -2), to).swapaxes(-1, -2)
-    compared = norm(np.where(np.isfinite(away), ahead, np.nan))
+    compared = norm(np.where(np.isfinite(away), ahead, np.nan), [signals.reference(b, to) for b in reach])
     ratio = own / np.where(compared > _SAME, compared, np.nan)
     name = "L2" if measure == "l2_ratio" else "L∞"
     return signals.result(ratio, "1", f"{name} norm of the deviation of {meaning(dataset, signal)} over the {to}'s")
@@ -160,7 +162,7 @@ def _extremes(time: Array, y: Array, after: float) -> Array:
     at = at[time[at] > after]
     sign = np.where(step[at - 1] > 0, 1.0, -1.0)
     around = sign * y[np.clip(at + np.arange(-2, 3)[:, None], 0, time.size - 1)]
-    return sign * refined(time, sign * y[at], at, around)
+    return sign * refined(time, sign * y[at], at, around, ringing=True)
 
 
 def _decrement(extremes: Array, floor: float) -> float:

@@ -1,7 +1,9 @@
 """Measures of sampled signals as plain arrays (…, T) → (…): what `metrics`, studies and the command line share.
 
 Extremes lie between samples: they are refined by the quartic through the five samples around the
-extreme one, so that a measure does not depend on how densely results were kept. NaN samples are
+extreme one, so that a measure does not depend on how densely results were kept. That holds where the
+five lie on one smooth curve. At a corner, beside a jump, on a plateau the sample stands, and what has
+bounds (an acceleration its limits, a speed standstill) is never refined beyond them. NaN samples are
 left out; a signal without any other gives NaN.
 
 All is plain arithmetic, element by element and sum by sum in the order of time, so that a measure
@@ -17,30 +19,47 @@ from numpy.typing import NDArray
 
 from headway.engine.quadrature import trapezoid
 
-__all__ = ["amplitude_of", "extreme_of", "peak_of", "refined", "rms_of"]
+__all__ = ["FREE", "FROM_ZERO", "Bounds", "amplitude_of", "extreme_of", "peak_of", "refined", "rms_of"]
 
 Array = NDArray[np.float64]
+
+#: least and largest value that a signal can have: numbers, or arrays (…,) as of its extremes
+Bounds = tuple[Any, Any]
+
+FREE: Bounds = (-np.inf, np.inf)
+#: bounds of speeds and gaps
+FROM_ZERO: Bounds = (0.0, np.inf)
 
 #: Newton steps towards the top of the quartic from that of the parabola
 _STEPS = 4
 
+#: by how much the bend of one smooth curve may change from sample to sample, as shares of it: its second
+#: difference (a sine of nine samples a period has as much), and from one side to the other
+_CORNER, _SKEW = 0.5, 1.0
 
-def extreme_of(time: Array, values: Array, sign: float) -> Array:
-    """Largest value over time (`sign` = 1) or least (-1)."""
+
+def extreme_of(time: Array, values: Array, sign: float, bounds: Bounds = FREE) -> Array:
+    """Largest value over time (`sign` = 1) or least (-1), refined within `bounds`."""
     rows = sign * np.asarray(values, dtype=float).reshape(-1, time.size)
     known = np.isfinite(rows)
     place = np.argmax(np.where(known, rows, -np.inf), axis=1)
     each = np.arange(rows.shape[0])
     best = np.where(known.any(axis=1), rows[each, place], np.nan)
     around = rows[each, np.clip(place + np.arange(-2, 3)[:, None], 0, time.size - 1)]
-    return (sign * refined(time, best, place, around)).reshape(np.shape(values)[:-1])
+    bound = sign * np.asarray(bounds[1] if sign > 0 else bounds[0], dtype=float)
+    most = np.broadcast_to(bound, np.shape(values)[:-1]).ravel()
+    return (sign * refined(time, best, place, around, most)).reshape(np.shape(values)[:-1])
 
 
-def refined(time: Array, best: Array, place: NDArray[np.int64], around: Array) -> Array:
+def refined(
+    time: Array, best: Array, place: NDArray[np.int64], around: Array, most: Any = np.inf, ringing: bool = False
+) -> Array:
     """Highest values (n,) of signals whose highest samples are `best` (n,), numbers `place` (n,) of `time` (T,).
 
     `around` (5, n) are that sample and its neighbours. Where it has not two finite ones on either
-    side, and at a corner of the signal, the sample stands.
+    side, and where they do not lie on one smooth curve with it, the sample stands. No signal is refined
+    beyond `most` (n,); a sample that is there already stands. `ringing` says that the signals swing freely,
+    so that coarse samples are no corners.
     """
     inner: Any = np.flatnonzero((place >= 2) & (place + 3 <= time.size) & np.isfinite(around).all(axis=0))
     if not inner.size:
@@ -52,16 +71,20 @@ def refined(time: Array, best: Array, place: NDArray[np.int64], around: Array) -
     y = around[:, inner] - best[inner]
     result = best.copy()
     with np.errstate(all="ignore"):
-        result[inner] += _above(t[[0, 1, 3, 4]], y[[0, 1, 3, 4]])
-    return result
+        result[inner] += _above(t[[0, 1, 3, 4]], y[[0, 1, 3, 4]], ringing)
+    return np.where(result > most, np.maximum(best, most), result)
 
 
-def _above(t: Array, y: Array) -> Array:
+def _above(t: Array, y: Array, ringing: bool) -> Array:
     """How far (n,) a signal rises over its highest sample at 0, whose neighbours at `t` (4, n) have heights `y`."""
     # the quartic through 0 is t times a cubic, which divided differences give
     d = y / t
     d01, d12, d23 = (d[1] - d[0]) / (t[1] - t[0]), (d[2] - d[1]) / (t[2] - t[1]), (d[3] - d[2]) / (t[3] - t[2])
     d012, d123 = (d12 - d01) / (t[2] - t[0]), (d23 - d12) / (t[3] - t[1])
+    # the bends through three samples each: behind, at and before the highest
+    back = (d[1] - (y[1] - y[0]) / (t[1] - t[0])) / -t[0]
+    front = ((y[3] - y[2]) / (t[3] - t[2]) - d[2]) / t[3]
+    smooth = (np.abs(back + front - 2.0 * d12) <= -_CORNER * d12) & (np.abs(front - back) <= -_SKEW * d12)
     c4 = (d123 - d012) / (t[3] - t[0])
     c3 = d012 - c4 * (t[0] + t[1] + t[2])
     c2 = d01 - d012 * (t[0] + t[1]) + c4 * (t[0] * t[1] + t[0] * t[2] + t[1] * t[2])
@@ -76,19 +99,19 @@ def _above(t: Array, y: Array) -> Array:
         curve = 2.0 * c2 + u * (6.0 * c3 + u * 12.0 * c4)
         u = np.where(curve < 0, np.clip(u - rate / curve, t[1], t[2]), u)
     height = u * (c1 + u * (c2 + u * (c3 + u * c4)))
-    # at a corner of the signal the quartic and the parabola disagree; then the sample stands
-    fits = hill & (height > 0) & (height <= -slope * slope / (2.0 * bend))
+    # where the quartic rises above the parabola it follows something else than the hill
+    fits = hill & (smooth | ringing) & (height > 0) & (height <= -slope * slope / (2.0 * bend))
     return np.where(fits, height, 0.0)
 
 
-def peak_of(time: Array, values: Array) -> Array:
+def peak_of(time: Array, values: Array, bounds: Bounds = FREE) -> Array:
     """Largest magnitude over time."""
-    return np.fmax(np.abs(extreme_of(time, values, 1.0)), np.abs(extreme_of(time, values, -1.0)))
+    return np.fmax(np.abs(extreme_of(time, values, 1.0, bounds)), np.abs(extreme_of(time, values, -1.0, bounds)))
 
 
-def amplitude_of(time: Array, values: Array) -> Array:
+def amplitude_of(time: Array, values: Array, bounds: Bounds = FREE) -> Array:
     """Half the range over time."""
-    return 0.5 * (extreme_of(time, values, 1.0) - extreme_of(time, values, -1.0))
+    return 0.5 * (extreme_of(time, values, 1.0, bounds) - extreme_of(time, values, -1.0, bounds))
 
 
 def rms_of(time: Array, values: Array) -> Array:

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.analysis.extremes import FREE, FROM_ZERO, Bounds
 from headway.errors import HeadwayError, unknown_name
 from headway.schema import VARIABLES
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Array", "Reference", "Signals", "checked", "meaning", "positive"]
+__all__ = ["Array", "Reference", "Signals", "bounds", "checked", "meaning", "positive"]
 
 Array = NDArray[np.float64]
 Reference = Literal["predecessor", "leader"]
@@ -59,6 +60,10 @@ class Signals:
 
     def __getitem__(self, name: str) -> Array:
         return self._values[name]
+
+    def bounds(self, name: str) -> Bounds:
+        """Least and largest value that a variable can have, numbers or arrays (…, vehicle)."""
+        return bounds(self._ordered.isel(time=0, drop=True), name)
 
     def known(self, which: Any, name: str, start: float | None = None, end: float | None = None) -> None:
         """Raise `HeadwayError` unless `which` (…, vehicle) holds for a follower; a dataset of a leader alone passes."""
@@ -126,6 +131,20 @@ class Signals:
         array = array.transpose(*(d for d in self._like.dims if d in array.dims)).rename(self.measure)
         array.attrs = {"units": unit, "long_name": long_name}
         return array
+
+
+def bounds(like: xr.DataArray, name: str) -> Bounds:
+    """Least and largest value that the variable `name` can have, numbers or arrays of the shape of `like`.
+
+    Speeds and gaps do not turn negative; an acceleration stays within the limits of the vehicle, which a dataset of
+    a run tells in its coordinates.
+    """
+    if name in ("speed", "gap"):
+        return FROM_ZERO
+    if name != "acceleration" or not {"limit_low", "limit_high"} <= set(like.coords):
+        return FREE
+    low, high = (like.coords[c].broadcast_like(like).transpose(*like.dims).values for c in ("limit_low", "limit_high"))
+    return low, high
 
 
 def meaning(dataset: xr.Dataset, name: str) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from headway.analysis.comfort import jerk, jerk_share, peak_jerk, rms_acceleration, rms_jerk
 from headway.analysis.decay import l2_ratio, linf_ratio, logarithmic_decrement, overshoot, settling_time
 from headway.analysis.energy import RoadLoad, combustion_energy, electric_energy, fuel, kamal
-from headway.analysis.extremes import Array, amplitude_of, extreme_of, peak_of, rms_of
+from headway.analysis.extremes import Array, Bounds, amplitude_of, extreme_of, peak_of, rms_of
 from headway.analysis.growth import (
     amplitude_growth,
     describing_function,
@@ -23,6 +23,7 @@ from headway.analysis.growth import (
     phase_lag,
     time_lag,
 )
+from headway.analysis.measuring import bounds
 from headway.analysis.safety import (
     collided,
     collisions,
@@ -60,7 +61,7 @@ def peak(values: xr.DataArray) -> xr.DataArray:
 
 def rms(values: xr.DataArray) -> xr.DataArray:
     """Root of the mean square over time (trapezoid rule), in the unit of `values`; NaN samples are left out."""
-    return _over_time(values, rms_of, "r.m.s. of")
+    return _over_time(values, lambda time, v, _: rms_of(time, v), "r.m.s. of")
 
 
 def amplitude(values: xr.DataArray) -> xr.DataArray:
@@ -70,7 +71,7 @@ def amplitude(values: xr.DataArray) -> xr.DataArray:
 
 def least(values: xr.DataArray) -> xr.DataArray:
     """Least value over time, in the unit of `values`."""
-    return _over_time(values, lambda time, v: extreme_of(time, v, -1.0), "least")
+    return _over_time(values, lambda time, v, within: extreme_of(time, v, -1.0, within), "least")
 
 
 def amplitude_ratio(values: xr.DataArray) -> xr.DataArray:
@@ -103,12 +104,14 @@ def summary(dataset: xr.Dataset) -> xr.Dataset:
     )
 
 
-def _over_time(values: xr.DataArray, measure: Callable[[Array, Array], Array], what: str) -> xr.DataArray:
+def _over_time(values: xr.DataArray, measure: Callable[[Array, Array, Bounds], Array], what: str) -> xr.DataArray:
     if "time" not in values.dims:
         raise HeadwayError(f"a measure over time needs the dimension time; this array has {_dims(values)}")
     ordered = values.transpose(..., "time")
-    found = measure(np.asarray(ordered["time"].values, dtype=float), np.asarray(ordered.values, dtype=float))
-    result = ordered.isel(time=0, drop=True).copy(data=found)
+    like = ordered.isel(time=0, drop=True)
+    within = bounds(like, str(values.name))
+    found = measure(np.asarray(ordered["time"].values, dtype=float), np.asarray(ordered.values, dtype=float), within)
+    result = like.copy(data=found)
     result.attrs = {"units": values.attrs.get("units", "1"), "long_name": f"{what} {_meaning(values)}"}
     return result
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from headway.analysis.extremes import extreme_of
+from headway.analysis.extremes import FROM_ZERO, extreme_of
 from headway.analysis.measuring import Array, Signals, checked, meaning
 from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
@@ -55,7 +55,7 @@ def least_time_gap(dataset: xr.Dataset) -> xr.DataArray:
     gap = _time_gap(signals)
     known = ~np.isnan(gap)
     known &= ~np.logical_or.accumulate(signals["gap"] <= 0, axis=-1)
-    least = extreme_of(signals.time, np.where(known, gap, np.nan), -1.0)
+    least = extreme_of(signals.time, np.where(known, gap, np.nan), -1.0, FROM_ZERO)
     least = np.where(known.any(axis=-1) & np.isnan(least), np.inf, least)
     return signals.result(least, "s", "least time gap")
 

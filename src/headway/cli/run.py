@@ -154,18 +154,18 @@ _COLUMNS = {
 
 def _rows(scenario: Scenario, result: Result) -> list[dict[str, Any]]:
     """One row a vehicle: what `headway.analysis.metrics.summary` gives, without waiting for xarray."""
-    from headway.analysis.extremes import amplitude_of, extreme_of, peak_of, rms_of
+    from headway.analysis.extremes import FROM_ZERO, amplitude_of, extreme_of, peak_of, rms_of
     from headway.engine.trajectories import variables
 
     found, time = variables(scenario, result), result.time
-    amplitude = amplitude_of(time, found["speed"])
+    amplitude = amplitude_of(time, found["speed"], FROM_ZERO)
     columns: dict[str, Any] = {
         "peak_spacing_error": peak_of(time, found["spacing_error"]),
         "rms_spacing_error": rms_of(time, found["spacing_error"]),
         "speed_amplitude": amplitude,
         "speed_amplitude_ratio": [float("nan")]
         + [b / a if a > 1e-12 else float("nan") for a, b in pairwise(amplitude)],
-        "least_gap": extreme_of(time, found["gap"], -1.0),
+        "least_gap": extreme_of(time, found["gap"], -1.0, FROM_ZERO),
         "collision_time": result.collision_time,
     }
     names = ["leader", *(f.model.name for f in scenario.followers)]

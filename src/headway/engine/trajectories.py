@@ -15,7 +15,7 @@ from headway.version import __version__
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["to_dataset", "variables"]
+__all__ = ["limits", "to_dataset", "variables"]
 
 Array = NDArray[np.float64]
 
@@ -45,11 +45,20 @@ def lengths(scenario: Scenario) -> Array:
     return np.array([scenario.leader_length, *(f.length for f in scenario.followers)])
 
 
+def limits(scenario: Scenario) -> tuple[Array, Array]:
+    """Least and largest acceleration [m/s²] that each vehicle can be commanded, infinite where there is no limit."""
+    pairs = [v.limits or (-np.inf, np.inf) for v in scenario.followers]
+    low, high = np.array([(-np.inf, np.inf), *pairs], dtype=float).T
+    return low, high
+
+
 def to_dataset(scenario: Scenario, result: Result) -> xr.Dataset:
     """The dataset of the schema, with the scenario, its hash and citations in the attributes."""
     import xarray as xr
 
     models = [f.model for f in scenario.followers]
+    low, high = limits(scenario)
+    limited = {"limit_low": ("vehicle", low), "limit_high": ("vehicle", high)}
     dataset = xr.Dataset(
         {name: (("vehicle", "time"), values) for name, values in variables(scenario, result).items()}
         | {"collision_time": ("vehicle", result.collision_time)},
@@ -58,7 +67,8 @@ def to_dataset(scenario: Scenario, result: Result) -> xr.Dataset:
             "time": result.time,
             "model": ("vehicle", ["leader", *(m.name for m in models)]),
             "length": ("vehicle", lengths(scenario), {"units": "m", "long_name": "vehicle length"}),
-        },
+        }
+        | (limited if np.isfinite((low, high)).any() else {}),
         attrs={
             "title": scenario.name or f"platoon behind a {scenario.leader.kind} leader",
             "scenario": scenario.to_toml(),

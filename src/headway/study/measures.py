@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis.extremes import extreme_of, refined, rms_of
+from headway.analysis.extremes import FREE, FROM_ZERO, Bounds, extreme_of, refined, rms_of
 from headway.engine.measured import ABOUT_GAPS, EXTREMES, QUANTITIES, SQUARE, Reduction
 from headway.errors import HeadwayError, shorten, unknown_name
 from headway.schema import VARIABLES
@@ -121,8 +121,12 @@ def chosen(metrics: Iterable[Any] | None) -> tuple[Measure | Own | str, ...]:
     return tuple(found)
 
 
-def from_batches(time: Array, batches: list[dict[str, Reduction]]) -> dict[str, Extremes]:
-    """Extremes (vehicle, lane) of batches of one structure, side by side."""
+def _within(signal: str, limits: Bounds) -> Bounds:
+    return {"acceleration": limits, "speed": FROM_ZERO, "gap": FROM_ZERO}.get(signal, FREE)
+
+
+def from_batches(time: Array, batches: list[dict[str, Reduction]], limits: Bounds) -> dict[str, Extremes]:
+    """Extremes (vehicle, lane) of batches of one structure, side by side; `limits` (vehicle, lane) of accelerations."""
     found = {}
     for signal in batches[0]:
         parts = [batch[signal] for batch in batches]
@@ -131,21 +135,26 @@ def from_batches(time: Array, batches: list[dict[str, Reduction]]) -> dict[str, 
         around = np.concatenate([p.around for p in parts], axis=3)
         front = 1 if signal in ABOUT_GAPS else 0  # the leader has none
         high, low = np.full(best.shape, np.nan)
-        for found_side, side in ((high, 0), (low, 1)):
+        least, most = _within(signal, limits)
+        for found_side, side, bound in ((high, 0, most), (low, 1, np.negative(least))):
             of = (side, slice(front, None))
-            values = refined(time, best[of].ravel(), place[of].ravel(), around[side, :, front:].reshape(5, -1))
+            far = np.broadcast_to(bound, best.shape[1:])[front:].ravel()
+            values = refined(time, best[of].ravel(), place[of].ravel(), around[side, :, front:].reshape(5, -1), far)
             found_side[front:] = values.reshape(found_side[front:].shape)
         square = np.concatenate([p.mean_square for p in parts], axis=1)
         found[signal] = Extremes(high, -low, np.sqrt(square))
     return found
 
 
-def from_trajectories(time: Array, variables: Mapping[str, Array], needs: Mapping[str, int]) -> dict[str, Extremes]:
+def from_trajectories(
+    time: Array, variables: Mapping[str, Array], needs: Mapping[str, int], limits: Bounds
+) -> dict[str, Extremes]:
     """The same (vehicle,) of the trajectories (vehicle, time) of one run."""
     found = {}
     for signal, mode in needs.items():
         values = variables[signal]
         none = np.full(values.shape[0], np.nan)
-        high, low = (extreme_of(time, values, s) for s in (1.0, -1.0)) if mode & EXTREMES else (none, none)
+        within = _within(signal, limits)
+        high, low = (extreme_of(time, values, s, within) for s in (1.0, -1.0)) if mode & EXTREMES else (none, none)
         found[signal] = Extremes(high, low, rms_of(time, values) if mode & SQUARE else none)
     return found

@@ -15,7 +15,7 @@ from headway.engine.measured import Measured
 from headway.engine.plan import Lanes, Plan
 from headway.engine.run import Prepared
 from headway.engine.simulate import solve
-from headway.engine.trajectories import to_dataset, variables
+from headway.engine.trajectories import limits, to_dataset, variables
 from headway.errors import HeadwayError
 from headway.models import Law
 from headway.scenario.scenario import Scenario
@@ -227,7 +227,9 @@ class Worker:
             found.append(reductions)
             alone.append(disturbed)
         vehicles = lanes.gaps.shape[0] + 1
-        extremes = from_batches(time, found) if self.needs else {}
+        free = np.full((1, points.size), np.inf)  # the leader's
+        within = np.vstack((-free, lanes.limits[0])), np.vstack((free, lanes.limits[1]))
+        extremes = from_batches(time, found, within) if self.needs else {}
         for metric in self.job.metrics:
             if isinstance(metric, Measure):
                 piece.values[metric.name][points[:, None], np.arange(vehicles)] = metric.make(extremes[metric.signal]).T
@@ -259,7 +261,7 @@ class Worker:
         try:
             result = solve(scenario)
             known = variables(scenario, result)
-            extremes: dict[str, Extremes] = from_trajectories(result.time, known, self.needs)
+            extremes: dict[str, Extremes] = from_trajectories(result.time, known, self.needs, limits(scenario))
             dataset = to_dataset(scenario, result) if self.own else None
             if np.isfinite(result.collision_time).any():
                 piece.status[i] = COLLIDED
