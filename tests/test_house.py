@@ -21,3 +21,13 @@ def test_no_room_imports_the_front_door(path):
             for alias in node.names:
                 here = (PACKAGE / alias.name).is_dir() or (PACKAGE / f"{alias.name}.py").is_file()
                 assert here, f"line {node.lineno}: from headway import {alias.name}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_code_reads_the_words_of_an_error(path):
+    """What code must tell apart has a type in headway.errors; a sentence may be improved at any time."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Compare) and any(isinstance(op, ast.In | ast.NotIn | ast.Eq) for op in node.ops):
+            for side in (node.left, *node.comparators):
+                words = isinstance(side, ast.Call) and ast.unparse(side) in ("str(error)", "repr(error)")
+                assert not words, f"line {node.lineno}: {ast.unparse(node)}"

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 import headway as hw
 from headway import maths
+from headway.errors import NoEquilibriumError, RestsEverywhereError
 from headway.models import BUILT_IN, CACC, FVDM, GMM, IDM, OVM, IDMSpacing
 from headway.models.dual import Dual, partials
 from headway.models.registry import find
@@ -352,3 +353,22 @@ def test_laws_of_the_same_name_and_parameters_are_different_models():
         return k * (s - 2 * v)
 
     assert first != soft()
+
+
+@pytest.mark.parametrize("law", BUILT_IN.values(), ids=lambda law: law.name)
+def test_who_rests_everywhere(law):
+    assert law().rests_everywhere == (law.name == "gmm")
+
+
+def test_rests_everywhere_is_of_the_values_and_not_of_the_law():
+    held = hw.models.CACC(kp=0.0)
+    assert held.rests_everywhere
+    with pytest.raises(RestsEverywhereError, match="every gap is an equilibrium at 20 m/s"):
+        held.equilibrium_gap(20.0)
+
+
+def test_no_equilibrium_has_a_type():
+    with pytest.raises(NoEquilibriumError, match="no equilibrium at 40 m/s"):
+        hw.models.IDM(v0=33.0).equilibrium_gap(40.0)
+    with pytest.raises(RestsEverywhereError):
+        hw.models.GMM().equilibrium_speed(20.0)

@@ -11,11 +11,27 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
-__all__ = ["HeadwayError", "HeadwayWarning", "did_you_mean", "shorten", "unknown_name"]
+__all__ = [
+    "HeadwayError",
+    "HeadwayWarning",
+    "NoEquilibriumError",
+    "RestsEverywhereError",
+    "did_you_mean",
+    "shorten",
+    "unknown_name",
+]
 
 
 class HeadwayError(ValueError):
     """A request that cannot be carried out as it was typed; the message says why and what would do."""
+
+
+class NoEquilibriumError(HeadwayError):
+    """A law has no steady state where one was asked for."""
+
+
+class RestsEverywhereError(HeadwayError):
+    """Every gap (or every speed) is a steady state of the law, so that one has to be given."""
 
 
 class HeadwayWarning(UserWarning):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from headway.errors import HeadwayError
+from headway.errors import HeadwayError, RestsEverywhereError
 from headway.models.law import Law, Model
 from headway.models.signs import wrong_sign
 
@@ -79,13 +79,14 @@ def _same_twice(law: Law) -> str | None:
 
 def _equilibria(law: Law) -> list[tuple[float, float]]:
     """Some (speed, gap) at which the law rests; any gap where every gap will do."""
-    found = []
+    model, found = law(), []
     for speed in (5.0, 10.0, 15.0, 20.0, 23.0, 25.0, 30.0):
         try:
-            found.append((speed, law().equilibrium_gap(speed)))
-        except HeadwayError as error:
-            if "every gap" in str(error):
-                found.append((speed, 20.0))
+            found.append((speed, model.equilibrium_gap(speed)))
+        except RestsEverywhereError:
+            found.append((speed, 20.0))
+        except HeadwayError:
+            continue
     return found
 
 

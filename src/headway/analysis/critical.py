@@ -24,8 +24,7 @@ def critical_parameter(linear: Linear, parameter: str, linearized: Callable[[Veh
     vehicle, model = linear.vehicle, linear.vehicle.model
     if parameter not in model.law.parameters:
         raise unknown_name(f"parameter of {model.name}", parameter, model.law.parameters)
-    # a law that reacts neither to the gap nor to its own speed alone rests at every gap: then the gap stays
-    fixed_gap = linear.gap if not linear.partials.get("s") and not linear.partials.get("v") else None
+    fixed_gap = linear.gap if model.rests_everywhere else None
 
     def least(value: float) -> float:
         try:

@@ -285,6 +285,8 @@ def _errors(segments: Sequence[Segment], space: Space, best: Array) -> tuple[Err
 
 def _about(car: Vehicle, segments: Sequence[Segment]) -> list[str]:
     """What the fitted law cannot do with the record."""
+    if car.model.rests_everywhere:
+        return [f"{car.model.name} rests at every gap, so it never corrects one: errors of the initial gap stay."]
     speeds = np.concatenate([s.speed for s in segments])
     low, high = float(np.nanmin(speeds)), float(np.nanmax(speeds))
     missing = []
@@ -292,10 +294,6 @@ def _about(car: Vehicle, segments: Sequence[Segment]) -> list[str]:
         try:
             car.model.equilibrium_gap(speed)
         except HeadwayError as error:
-            if "every gap is an equilibrium" in str(error):
-                return [
-                    f"{car.model.name} rests at every gap, so it never corrects one: errors of the initial gap stay."
-                ]
             missing.append(str(error))
     return [
         f"The record drives {low:.3g} to {high:.3g} m/s and the fitted law does not rest at all of them: {m}."

@@ -45,13 +45,16 @@ class StringVerdict(NamedTuple):
 
 
 def linear_of(fit: Fit, car: Vehicle, speed: float) -> Linear | None:
-    """Linear theory of a vehicle of `fit` at `speed`, None without equilibrium; GMM at the mean recorded gap."""
+    """Linear theory of a vehicle of `fit` at `speed`, None where it has none.
+
+    A law that rests at every gap (GMM) is looked at with the mean recorded gap.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HeadwayWarning)
         try:
-            return linearize(car, speed)
-        except HeadwayError as error:
-            return linearize(car, speed, fit.gap) if "every gap is an equilibrium" in str(error) else None
+            return linearize(car, speed, fit.gap if car.model.rests_everywhere else None)
+        except HeadwayError:
+            return None
 
 
 def verdict(fit: Fit, speed: float | None = None) -> StringVerdict:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
 from headway.data.cycles import cycle_file
 from headway.errors import HeadwayError, unknown_name
@@ -215,6 +215,8 @@ def _download(entry: Entry, address: str, directory: Path) -> Path:
     import pooch
     import requests
 
+    if urlsplit(address).scheme not in ("http", "https"):
+        raise HeadwayError(f"{entry.name}: {address} is not an address to download from; it begins with http(s)://")
     # pooch downloads to a temporary name in the same folder, checks the hash and only then renames.
     logger = pooch.get_logger()
     level = logger.level
@@ -231,9 +233,7 @@ def _download(entry: Entry, address: str, directory: Path) -> Path:
         raise HeadwayError(f"{entry.name}: {address} cannot be downloaded ({_reason(error)})") from None
     except OSError as error:
         raise HeadwayError(f"{entry.name}: {directory} cannot be written ({error.strerror or error})") from None
-    except ValueError as error:
-        if "hash" not in str(error):
-            raise HeadwayError(f"{entry.name}: {address} is not an address to download from ({error})") from None
+    except ValueError:  # the address is sound, so it is the hash
         raise HeadwayError(
             f"{entry.name}: the file at {address} does not have the SHA-256 {entry.sha256} of the catalogue, so it is "
             "not kept"

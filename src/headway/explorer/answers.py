@@ -15,7 +15,7 @@ from headway.analysis.linear import Linear, head_to_tail
 from headway.analysis.map import label, stability_map, unit
 from headway.engine.run import Result
 from headway.engine.trajectories import to_dataset
-from headway.errors import HeadwayError, HeadwayWarning
+from headway.errors import HeadwayWarning
 from headway.explorer.picture import Picture, StaleError, linear_of
 from headway.explorer.state import State
 
@@ -105,11 +105,7 @@ def map_of(state: State, points: int) -> Picture:
     """The map of string stability around the vehicle that the page looks at, `points` each way."""
     linear = linear_of(state)
     car = linear.vehicle
-    try:
-        car.model.equilibrium_gap(linear.speed)
-        gap = None
-    except HeadwayError:
-        gap = linear.gap  # every gap is an equilibrium
+    gap = linear.gap if car.model.rests_everywhere else None
     axes = {name: (low, high, points) for name, low, high in state.axes}
     speed = None if "speed" in axes else linear.speed
     found = stability_map(car, axes, speed=speed, gap=gap)

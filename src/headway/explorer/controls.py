@@ -65,13 +65,8 @@ def _law(law: Law) -> dict[str, Any]:
         "parameters": [_parameter(p) for p in law.parameters.values()],
         "axes": {name: list(limits) for name, limits in _axes(law).items()},
         "map": map_axes(law),
-        "rests": _rests_at_every_gap(law),
+        "rests": law().rests_everywhere,
     }
-
-
-def _rests_at_every_gap(law: Law) -> bool:
-    """Whether a scenario has to say with which gaps such vehicles start."""
-    return all(abs(float(law().at_rest(gap, 15.0))) < 1e-12 for gap in (20.0, 40.0))
 
 
 def _parameter(p: Parameter) -> dict[str, Any]:

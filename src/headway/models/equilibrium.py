@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from headway.errors import HeadwayError
+from headway.errors import HeadwayError, NoEquilibriumError, RestsEverywhereError
 
 if TYPE_CHECKING:
     from headway.models.law import Law, Model
 
-__all__ = ["gap_at", "gaps_at", "policy", "speed_at"]
+__all__ = ["gap_at", "gaps_at", "policy", "rests_everywhere", "speed_at"]
 
 #: gaps [m] and speeds [m/s] between which roots are searched where no closed form exists
 _GAPS = np.geomspace(1e-3, 1e5, 161)
@@ -56,8 +56,15 @@ def speed_at(model: Model, gap: float) -> float:
         return _root(model, lambda v: model.at_rest(s, v), grid, f"at a gap of {s:g} m", "speed")
     v = float(form(s, **model.parameters))
     if not math.isfinite(v) or v < 0:
-        raise HeadwayError(f"{model.name} has no equilibrium speed at a gap of {s:g} m")
+        raise NoEquilibriumError(f"{model.name} has no equilibrium speed at a gap of {s:g} m")
     return v
+
+
+def rests_everywhere(model: Model) -> bool:
+    """See `Model.rests_everywhere`."""
+    with np.errstate(all="ignore"):
+        values = [float(model.at_rest(float(s), v)) for v in (2.0, 15.0, 30.0) for s in _GAPS[::8]]
+    return _vanishes(np.array(values))
 
 
 def gaps_at(law: Law, parameters: Mapping[str, Any], speed: Any) -> np.ndarray:
@@ -150,9 +157,17 @@ def _speed_range(model: Model) -> tuple[float, float]:
     return (0.0, math.inf) if form is None else form(**model.parameters)
 
 
-def _no_equilibrium(model: Model, v: float, low: float, high: float) -> HeadwayError:
+def _vanishes(accelerations: np.ndarray) -> bool:
+    """Whether all that is finite of these accelerations [m/s²] is zero, and something is."""
+    finite = accelerations[np.isfinite(accelerations)]
+    return bool(finite.size and np.all(np.abs(finite) < 1e-14))
+
+
+def _no_equilibrium(model: Model, v: float, low: float, high: float) -> NoEquilibriumError:
     bound = f"between {low:g} and {high:g} m/s" if math.isfinite(high) else f"above {low:g} m/s"
-    return HeadwayError(f"{model.name} has no equilibrium at {v:g} m/s; with these parameters it has them {bound}")
+    return NoEquilibriumError(
+        f"{model.name} has no equilibrium at {v:g} m/s; with these parameters it has them {bound}"
+    )
 
 
 def _root(model: Model, f: Any, grid: np.ndarray, where: str, what: str) -> float:
@@ -163,9 +178,9 @@ def _root(model: Model, f: Any, grid: np.ndarray, where: str, what: str) -> floa
         values = np.array([float(f(float(x))) for x in grid])
     finite = np.isfinite(values)
     if not finite.any():
-        raise HeadwayError(f"{model.name} returns no finite acceleration {where}")
-    if np.all(np.abs(values[finite]) < 1e-14):
-        raise HeadwayError(
+        raise NoEquilibriumError(f"{model.name} returns no finite acceleration {where}")
+    if _vanishes(values):
+        raise RestsEverywhereError(
             f"{model.name}: every {what} is an equilibrium {where}, so the {what} must be given"
             + (" (e.g. gaps = 10)" if what == "gap" else "")
         )
@@ -174,7 +189,7 @@ def _root(model: Model, f: Any, grid: np.ndarray, where: str, what: str) -> floa
         return float(grid[exact[0]])
     change = np.flatnonzero(finite[:-1] & finite[1:] & (np.sign(values[:-1]) != np.sign(values[1:])))
     if not change.size:
-        raise HeadwayError(
+        raise NoEquilibriumError(
             f"{model.name} has no equilibrium {what} {where}: its acceleration stays "
             f"{'positive' if values[finite][0] > 0 else 'negative'} from {grid[0]:g} to {grid[-1]:g}"
         )
@@ -182,7 +197,7 @@ def _root(model: Model, f: Any, grid: np.ndarray, where: str, what: str) -> floa
         root = float(brentq(f, grid[i], grid[i + 1], xtol=1e-13, rtol=1e-15))
         if abs(float(f(root))) <= 1e-6 * (abs(values[i]) + abs(values[i + 1])):
             return root
-    raise HeadwayError(f"{model.name} has no equilibrium {what} {where}: its acceleration jumps over 0")
+    raise NoEquilibriumError(f"{model.name} has no equilibrium {what} {where}: its acceleration jumps over 0")
 
 
 def _number(x: Any, place: str, unit: str) -> float:

@@ -227,9 +227,14 @@ class Model:
     def equilibrium_gap(self, speed: float) -> float:
         """Gap [m] at which a follower keeps `speed` [m/s] behind a leader of the same speed.
 
-        Raises `HeadwayError` where there is none, or where every gap is one (GMM).
+        Raises `NoEquilibriumError` where there is none, `RestsEverywhereError` where every gap is one (GMM).
         """
         return equilibrium.gap_at(self, speed)
+
+    @property
+    def rests_everywhere(self) -> bool:
+        """Whether every gap is an equilibrium at every speed, so that a scenario has to say the gap (GMM)."""
+        return equilibrium.rests_everywhere(self)
 
     def equilibrium_speed(self, gap: float) -> float:
         """Speed [m/s] that a follower keeps at `gap` [m]; `HeadwayError` where there is none or any would do."""
