@@ -126,7 +126,7 @@ class Fit:
 
     def _repr_html_(self) -> str:
         """The fit in a notebook."""
-        from headway.calibration.notebook import fit_html
+        from headway.calibration.report import fit_html
 
         return fit_html(self)
 

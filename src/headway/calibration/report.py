@@ -1,15 +1,17 @@
-"""A fit as text, as good reports of fits are: how it went, values, intervals, what is not known, errors, notes."""
+"""A fit in words, as text and as tables for a notebook: how it went, values, intervals, what is open, errors, notes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from headway.html import block, paragraph, table
+
 if TYPE_CHECKING:
     from headway.calibration.errors import Errors
     from headway.calibration.fit import Fit
 
-__all__ = ["report", "unit_of"]
+__all__ = ["fit_html", "report", "unit_of"]
 
 
 def unit_of(fit: Fit, name: str) -> str:
@@ -86,3 +88,31 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows as left-aligned columns."""
     widths = [max(len(r[i]) for r in rows) for i in range(len(rows[0]))]
     return ["    " + "  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in rows]
+
+
+def fit_html(fit: Fit) -> str:
+    """Values with intervals and what the record says of each, errors in train and test, notes."""
+    law = fit.vehicle.model.law
+    quantities = []
+    for i, (name, x) in enumerate(fit.values.items()):
+        low, high = fit.intervals[name]
+        bounds = f"{fit.space.low[i]:g} to {fit.space.high[i]:g}"
+        quantities.append((name, x, unit_of(fit, name), f"{low:.4g} to {high:.4g}", bounds, fit.profiles[i].words))
+    errors = [
+        (label, e.source, e.gap, e.gap_relative, e.speed, e.constant_gap, e.copy_gap)
+        for label, several in (("train", fit.train), ("test", fit.test))
+        for e in several
+    ]
+    return block(
+        table(
+            f"{law.title} fitted to vehicle {fit.follower}",
+            ("quantity", "value", "unit", "95 % interval", "searched", "the record says"),
+            quantities,
+        ),
+        table(
+            "Errors (r.m.s.)",
+            ("", "record", "gap [m]", "relative", "speed [m/s]", "constant speed: gap [m]", "copy leader: gap [m]"),
+            errors,
+        ),
+        *(paragraph(note) for note in fit.notes),
+    )
