@@ -15,6 +15,14 @@ settings.load_profile("default")
 SHARED_DATA = Path(os.environ.get("HEADWAY_SHARED", Path(__file__).resolve().parents[2] / "shared")) / "data"
 
 
+def shared_file(name: str) -> Path:
+    """A file of real recordings, of which a test is skipped where they are not: they are not committed."""
+    path = SHARED_DATA / name
+    if not path.exists():
+        pytest.skip(f"{name} is not in {SHARED_DATA} (the environment's HEADWAY_SHARED says where to look)")
+    return path
+
+
 @pytest.fixture
 def cli(capsys):
     """Run the command line in this process: (exit code, standard output, standard error)."""

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 import pytest
-from conftest import SHARED_DATA
+from conftest import shared_file
 
 import headway as hw
 from headway.calibration import as_recorded, growth, measured_transfer, one_in, replay, verdict
@@ -359,9 +359,8 @@ def test_figures_can_be_drawn(tmp_path):
         hw.plot.gains(RECORD, [])
 
 
-@pytest.mark.skipif(not SHARED_DATA.is_dir(), reason=f"{SHARED_DATA} is not there: real recordings are not committed")
 def test_a_real_acc_car_amplifies_and_idm_says_so():
-    record = hw.data.read(SHARED_DATA / "openacc_asta_acc_short_p1.csv")
+    record = hw.data.read(shared_file("openacc_asta_acc_short_p1.csv"))
     fit = hw.calibrate(IDM, record, 1, train=(0, 200), seeds=2, refits=40)
     assert fit.train[0].gap < 1.2
     assert fit.test[0].gap < 1.0 < fit.test[0].copy_gap

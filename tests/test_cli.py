@@ -15,7 +15,7 @@ import jsonschema
 import numpy as np
 import pytest
 import tomli_w
-from conftest import SHARED_DATA
+from conftest import shared_file
 
 import headway as hw
 from headway.data.catalogue import catalogue
@@ -292,9 +292,7 @@ def test_data_fetch_of_what_is_shipped(ok, tmp_path):
 
 
 def test_data_compare_with_a_real_platoon(ok):
-    file = SHARED_DATA / "raw" / "zalazone_short_dynamic_part4.csv"
-    if not file.exists():
-        pytest.skip("the raw recordings are not beside the checkout")
+    file = shared_file("raw/zalazone_short_dynamic_part4.csv")
     command = ["data", "compare", file, "--model", "idm", "--set", "T=1.2", "--start", "20", "--end", "50"]
     answer = json.loads(ok(*command, "--json"))
     assert len(answer["vehicles"]) == 10

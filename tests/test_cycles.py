@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import shared_file
 
 from headway.data import read
 from headway.data.cycles import CYCLES, cycle_file, load_cycle
 from headway.errors import HeadwayError
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 MILE = 1609.344
 
 
@@ -67,9 +66,7 @@ def test_the_general_reader_reads_them_alike(name):
     [("wltc3b", "wltc_class3b"), ("wltc3a", "wltc_class3a"), ("udds", "udds"), ("us06", "us06"), ("hwfet", "hwfet")],
 )
 def test_an_independent_table_agrees(name, other):
-    path = SHARED / f"{other}.csv"
-    if not path.exists():
-        pytest.skip(f"{path.name} is not beside the checkout")
+    path = shared_file(f"{other}.csv")
     # UDDS and HWFET were converted from mph there with 0.447047 instead of 0.44704, and rounded to 1e-4 m/s.
     np.testing.assert_allclose(load_cycle(name).speed, read(path).speed[0], atol=6e-4)
 

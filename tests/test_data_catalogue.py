@@ -9,13 +9,13 @@ import threading
 from pathlib import Path
 
 import pytest
+from conftest import shared_file
 
 import headway.data as data
 from headway.data import catalogue, fetch, read
 from headway.data.cycles import CYCLES
 from headway.errors import HeadwayError
 
-RAW = Path(__file__).resolve().parents[2] / "shared" / "data" / "raw"
 ASTAZERO = "openacc-astazero-example"
 
 
@@ -49,9 +49,7 @@ def no_environment(monkeypatch):
 
 @pytest.fixture
 def raw() -> Path:
-    if not RAW.exists():
-        pytest.skip("the raw recordings are not beside the checkout")
-    return RAW
+    return shared_file("raw")
 
 
 def test_every_entry_is_complete():

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from conftest import shared_file
 
 from headway.data import Recording, check, read
-
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def platoon(**changes) -> Recording:
@@ -115,9 +112,7 @@ def test_a_single_vehicle():
 
 
 def test_the_astazero_speeds_drift_by_sixteen_metres():
-    path = SHARED / "raw" / "astazero_data_example.csv"
-    if not path.exists():
-        pytest.skip("the AstaZero recording is not beside the checkout")
+    path = shared_file("raw/astazero_data_example.csv")
     finding = next(f for f in check(read(path)) if f.kind == "gap-speed" and f.vehicle == 4)
     assert "drifts to 16 m at the end" in finding.message
     assert not [f for f in check(read(path)) if f.severity == "error"]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from headway.data import Recording, compare
 from headway.errors import HeadwayError
-
-xr = pytest.importorskip("xarray")
 
 
 def recorded(start: float = 0.0) -> Recording:

@@ -8,13 +8,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
+from conftest import shared_file
 
 from headway.data import Recording, read
 from headway.data.ngsim import COLUMNS
 from headway.errors import HeadwayError
-
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 TIDY = """time_s,vehicle,speed_mps,gap_m
 0.0,0,10.0,
@@ -24,12 +25,6 @@ TIDY = """time_s,vehicle,speed_mps,gap_m
 0.1,1,10.0,20.0
 0.2,1,10.0,20.05
 """
-
-
-def shared(name: str) -> Path:
-    if not (SHARED / name).exists():
-        pytest.skip(f"recording {name} is not beside the checkout")
-    return SHARED / name
 
 
 @pytest.fixture
@@ -142,7 +137,6 @@ def test_drive_cycle_file_of_one_vehicle(put):
 
 
 def test_parquet(tmp_path, put):
-    pd = pytest.importorskip("pandas")
     frame = pd.read_csv(put(TIDY))
     frame.to_parquet(tmp_path / "run.parquet")
     np.testing.assert_array_equal(read(tmp_path / "run.parquet").gap, read(put(TIDY)).gap)
@@ -247,7 +241,6 @@ def test_dataset_has_names_units_and_signs(put):
 
 
 def test_dataset_survives_netcdf(put, tmp_path):
-    xr = pytest.importorskip("xarray")
     dataset = read(put(TIDY)).to_dataset()
     dataset.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as back:
@@ -371,22 +364,22 @@ def test_a_recording_whose_shapes_disagree():
 
 
 def test_astazero_as_published():
-    recording = read(shared("raw/astazero_data_example.csv"))
+    recording = read(shared_file("raw/astazero_data_example.csv"))
     assert recording.vehicles == 5
     assert recording.time.size == 19840
     assert recording.speed.max() < 30
     assert np.nanmin(recording.gap) > 2.5
-    tidy = read(shared("openacc_asta_acc_short_p1.csv"))  # cut out of it at 1151 s and rounded to mm
+    tidy = read(shared_file("openacc_asta_acc_short_p1.csv"))  # cut out of it at 1151 s and rounded to mm
     part = slice(11500, 11500 + tidy.time.size)
     np.testing.assert_allclose(recording.gap[1:, part], tidy.gap[1:], atol=6e-4)
     np.testing.assert_allclose(recording.speed[:, part], tidy.speed, atol=6e-4)
 
 
 def test_zalazone_as_published():
-    recording = read(shared("raw/zalazone_short_dynamic_part4.csv"))
+    recording = read(shared_file("raw/zalazone_short_dynamic_part4.csv"))
     assert recording.vehicles == 11
     assert recording.names[:2] == ("SMART_TARGET", "MERCEDES_GLE450")
-    tidy = read(shared("openacc_zala_acc_short_11veh_p4.csv"))
+    tidy = read(shared_file("openacc_zala_acc_short_11veh_p4.csv"))
     np.testing.assert_allclose(recording.gap[1:, : tidy.time.size], tidy.gap[1:], atol=6e-4)
     np.testing.assert_allclose(recording.speed[:, : tidy.time.size], tidy.speed, atol=6e-4)
     assert np.isnan(recording.gap[10]).sum() == 6
@@ -394,8 +387,7 @@ def test_zalazone_as_published():
 
 def test_zalazone_spacing_is_antenna_distance_less_a_constant():
     """That the reader may take IVS as bumper to bumper: E and N are the antennas' coordinates."""
-    pd = pytest.importorskip("pandas")
-    table = pd.read_csv(shared("raw/zalazone_short_dynamic_part4.csv"), skiprows=5)
+    table = pd.read_csv(shared_file("raw/zalazone_short_dynamic_part4.csv"), skiprows=5)
     for n in range(1, 11):
         antennas = np.hypot(table[f"E{n}"] - table[f"E{n + 1}"], table[f"N{n}"] - table[f"N{n + 1}"])
         offset = (antennas - table[f"IVS{n}"]).dropna()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-import shutil
+import os
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -34,18 +35,26 @@ DRAWN = (
 
 @pytest.fixture(scope="module")
 def browser():
+    from chromium import find
     from playwright.sync_api import Error, sync_playwright
 
-    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    path = find()
+    if path is None:
+        without("there is no Chromium on this machine; python tools/chromium.py installs it")
     with sync_playwright() as playwright:
-        if path is None and not Path(playwright.chromium.executable_path).exists():
-            pytest.skip("no Chromium on this machine: none on the PATH and none of playwright's own")
         try:
             running = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         except Error as error:
-            pytest.skip(f"Chromium does not start here: {error.message.splitlines()[0]}")
+            without(f"Chromium does not start here: {error.message.splitlines()[0]}")
         yield running
         running.close()
+
+
+def without(reason: str) -> NoReturn:
+    """Skip the page's tests, or fail them where the environment requires a browser."""
+    if os.environ.get("HEADWAY_REQUIRE_BROWSER", "0") != "0":
+        pytest.fail(f"{reason} (HEADWAY_REQUIRE_BROWSER is set, so the page has to be tested)", pytrace=False)
+    pytest.skip(reason)
 
 
 @pytest.fixture(scope="module")

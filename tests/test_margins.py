@@ -6,6 +6,7 @@ import dataclasses
 import math
 import warnings
 
+import control
 import numpy as np
 import pytest
 
@@ -45,7 +46,6 @@ def test_at_its_margin_the_loop_swings(vehicle):
 
 
 def test_python_control_agrees():
-    control = pytest.importorskip("control")
     for lag in (0.2, 0.8):
         found = linear(IDM, lag=lag)
         f = found.partials
