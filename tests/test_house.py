@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ast
+import importlib
 from pathlib import Path
 
 import pytest
+
+import headway
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "headway"
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -31,3 +34,12 @@ def test_no_code_reads_the_words_of_an_error(path):
             for side in (node.left, *node.comparators):
                 words = isinstance(side, ast.Call) and ast.unparse(side) in ("str(error)", "repr(error)")
                 assert not words, f"line {node.lineno}: {ast.unparse(node)}"
+
+
+@pytest.mark.parametrize("name", ["metrics", "plot", "maths", "models", "data", "calibration", "library"])
+def test_the_rooms_with_public_names_are_modules(name):
+    """`from headway.metrics import ttc` finds what `hw.metrics.ttc` is."""
+    room = importlib.import_module(f"headway.{name}")
+    assert room is getattr(headway, name)
+    for public in getattr(room, "__all__", ()):
+        assert hasattr(room, public)

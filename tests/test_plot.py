@@ -11,11 +11,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from headway import plot
 from headway.engine.simulate import simulate
 from headway.errors import HeadwayError
 from headway.library import library_scenario, library_table
 from headway.scenario.files import from_table, override
-from headway.view import plot, style, trajectories
+from headway.view import style, trajectories
 
 VIEWS = {
     "speed": plot.speeds,
@@ -234,10 +235,10 @@ def test_save_says_where_it_cannot_write(five, tmp_path):
 
 def test_importing_is_cheap_and_changes_no_settings():
     code = (
-        "import sys, headway.view.plot; assert not any(m.startswith('matplotlib') for m in sys.modules), 'early'\n"
+        "import sys, headway.plot; assert not any(m.startswith('matplotlib') for m in sys.modules), 'early'\n"
         "import matplotlib; before = dict(matplotlib.rcParams)\n"
         "from headway.library import library_scenario; from headway.engine.simulate import simulate\n"
-        "headway.view.plot.overview(simulate(library_scenario('paper:idm-window')))\n"
+        "headway.plot.overview(simulate(library_scenario('paper:idm-window')))\n"
         "assert dict(matplotlib.rcParams) == before\n"
         "from matplotlib import pyplot; assert not pyplot.get_fignums()"
     )

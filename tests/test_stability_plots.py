@@ -14,10 +14,11 @@ from matplotlib.patches import PathPatch
 from matplotlib.text import Text
 
 import headway as hw
+from headway import plot
 from headway.analysis.map import CLASSES, StabilityMap, trace
 from headway.analysis.paper_maps import PaperMap
 from headway.errors import HeadwayError
-from headway.view import plot, regions, style
+from headway.view import regions, style
 
 
 def idm(speed=23.0, delay=0.0, **parameters):

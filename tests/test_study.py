@@ -11,9 +11,9 @@ import pytest
 from study_cases import mixed
 
 import headway as hw
-from headway.analysis.metrics import summary
 from headway.engine.simulate import simulate
 from headway.errors import HeadwayError
+from headway.metrics import summary
 from headway.models import FVDM, IDM, OVM
 from headway.scenario.disturbance import Brake, Sine
 from headway.scenario.scenario import Scenario

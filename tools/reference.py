@@ -17,15 +17,17 @@ __all__ = ["PAGES"]
 #: room of the package → its heading in the page of Python names
 _ROOMS = {
     "models": "Laws",
+    "maths": "Laws",
     "scenario": "Scenarios and leaders",
     "library": "Ready scenarios",
     "engine": "Simulation",
     "results": "Results",
-    "analysis": "Theory and measures",
+    "analysis": "Theory",
+    "metrics": "Metrics",
     "study": "Studies",
     "calibration": "Calibration",
     "data": "Real data",
-    "view": "Figures",
+    "plot": "Figures",
     "explorer": "The explorer",
     "errors": "Errors",
 }
@@ -36,7 +38,7 @@ _NOTES = {"Scenarios and leaders": "Their fields, with units and bounds: [scenar
 
 #: heading of a room → classes that are got as results rather than by name
 _RESULTS = {
-    "Theory and measures": (
+    "Theory": (
         "headway.analysis.linear.Linear",
         "headway.analysis.stability.Chain",
         "headway.analysis.margins.Margins",

@@ -24,7 +24,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Param": ("headway.models.law", "Param"),
     "Law": ("headway.models.law", "Law"),
     "Model": ("headway.models.law", "Model"),
-    "maths": ("headway.models.maths", None),
+    "maths": ("headway.maths", None),
     "check_model": ("headway.analysis.conformance", "check_model"),
     "load_laws": ("headway.models.own", "load_laws"),
     "Vehicle": ("headway.scenario.vehicle", "Vehicle"),
@@ -52,7 +52,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "head_to_tail": ("headway.analysis.linear", "head_to_tail"),
     "stability_map": ("headway.analysis.map", "stability_map"),
     "StabilityMap": ("headway.analysis.map", "StabilityMap"),
-    "metrics": ("headway.analysis.metrics", None),
+    "metrics": ("headway.metrics", None),
     "Study": ("headway.study.study", "Study"),
     "between": ("headway.study.axes", "between"),
     "load_study": ("headway.study.files", "load_study"),
@@ -62,7 +62,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "save": ("headway.results", "save"),
     "open_results": ("headway.results", "open_results"),
     "data": ("headway.data", None),
-    "plot": ("headway.view.plot", None),
+    "plot": ("headway.plot", None),
     "explore": ("headway.explorer", "explore"),
     "HeadwayError": ("headway.errors", "HeadwayError"),
     "HeadwayWarning": ("headway.errors", "HeadwayWarning"),
@@ -71,8 +71,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
 __all__ = ["__version__", *_PUBLIC]
 
 if TYPE_CHECKING:
-    from headway import calibration, data, library, models
-    from headway.analysis import metrics
+    from headway import calibration, data, library, maths, metrics, models, plot
     from headway.analysis.conformance import check_model
     from headway.analysis.linear import head_to_tail, linearize
     from headway.analysis.map import StabilityMap, stability_map
@@ -80,7 +79,6 @@ if TYPE_CHECKING:
     from headway.engine.simulate import simulate, simulate_many
     from headway.errors import HeadwayError, HeadwayWarning
     from headway.explorer import explore
-    from headway.models import maths
     from headway.models.law import Law, Model, Param, model
     from headway.models.own import load_laws
     from headway.results import open_results, save
@@ -104,7 +102,6 @@ if TYPE_CHECKING:
     from headway.study.axes import between
     from headway.study.files import load_study
     from headway.study.study import Study, open_study
-    from headway.view import plot
 
 
 def __getattr__(name: str) -> Any:

@@ -129,7 +129,7 @@ def _pair(text: str) -> tuple[str, str]:
 
 
 def _draw(fits: list[Fit], path: Path) -> list[Any]:
-    from headway.view import plot
+    from headway import plot
 
     written = []
     for fit in fits:

@@ -76,7 +76,7 @@ def map_(
 
         found = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what)
     if figure is not None:
-        from headway.view import plot
+        from headway import plot
 
         plot.save(plot.stability_map(found, point=marked), figure)
     if out is not None:
@@ -118,7 +118,7 @@ def _paper(name: str, given: list[str], out: Path | None, figure: Path | None, j
     if out is not None:
         raise HeadwayError(f"--out {out}: the paper's maps are figures of several panels; use --figure or --json")
     if figure is not None:
-        from headway.view import plot
+        from headway import plot
 
         plot.save(plot.paper_map(found), figure)
     if json:

@@ -81,7 +81,7 @@ def replay(
     ]
     written = [save(run, out)] if out is not None else []
     if figure is not None:
-        from headway.view import plot
+        from headway import plot
 
         written.append(plot.save(plot.replayed(part, run), figure))
     if json:

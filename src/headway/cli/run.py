@@ -135,7 +135,7 @@ def _write(scenario: Scenario, result: Result, out: Path | None, csv: Path | Non
     dataset = to_dataset(scenario, result)
     written = [save(dataset, path) for path in (out, csv) if path is not None]
     if figure is not None:
-        from headway.view import plot
+        from headway import plot
 
         plot.save(plot.overview(dataset), figure)
         written.append(figure)
@@ -153,9 +153,9 @@ _COLUMNS = {
 
 
 def _rows(scenario: Scenario, result: Result) -> list[dict[str, Any]]:
-    """One row a vehicle: what `headway.analysis.metrics.summary` gives, without waiting for xarray."""
-    from headway.analysis.extremes import FROM_ZERO, amplitude_of, extreme_of, peak_of, rms_of
+    """One row a vehicle: what `headway.metrics.summary` gives, without waiting for xarray."""
     from headway.engine.trajectories import variables
+    from headway.metrics.extremes import FROM_ZERO, amplitude_of, extreme_of, peak_of, rms_of
 
     found, time = variables(scenario, result), result.time
     amplitude = amplitude_of(time, found["speed"], FROM_ZERO)

@@ -81,7 +81,7 @@ def study(
 
         written.append(save(found, out))
     if figure is not None:
-        from headway.view import plot
+        from headway import plot
         from headway.view.study import picture
 
         bounds = None if theory else chosen.stability(executor) if len(chosen.points.dims) > 1 else None

@@ -2,7 +2,7 @@
 
 After some steps the states at their starts are turned into the signals asked for. Of each the last
 samples are kept, the highest and the least sample so far with its two neighbours on either side
-(from which the extreme between samples is found, see `headway.analysis.extremes`), and the sum of
+(from which the extreme between samples is found, see `headway.metrics.extremes`), and the sum of
 weighted squares. Nothing grows with the duration.
 """
 

@@ -48,7 +48,7 @@ def _critical(linear: Linear) -> dict[str, float]:
 
 def figures(state: State, result: Result) -> list[dict[str, Any]]:
     """Safety, comfort and energy of a run: name, value, unit and which vehicle it is of."""
-    from headway.analysis import metrics
+    from headway import metrics
 
     dataset = to_dataset(state.scenario, result)
     found: list[dict[str, Any]] = []

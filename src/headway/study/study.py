@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from headway.errors import HeadwayError, shorten
+from headway.metrics.reduction import COLLISION, Measure, Own, chosen
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 from headway.schema import VARIABLES
 from headway.study.axes import Design, Points, points
 from headway.study.dataset import assembled
 from headway.study.executors import Task, perform
-from headway.study.measures import COLLISION, Measure, Own, chosen
 from headway.study.paths import Target, resolve
 from headway.study.store import Store
 from headway.study.templates import Table
@@ -126,7 +126,7 @@ class Study:
     ) -> xr.Dataset:
         """Simulate all points; a dataset with the axes as dimensions (or `point`, for designs).
 
-        metrics: names such as `peak_spacing_error` or `speed_amplitude` (`headway.study.measures`), or
+        metrics: names such as `peak_spacing_error` or `speed_amplitude` (`headway.metrics.reduction`), or
             functions of a dataset of trajectories; `DEFAULT` if None.
         executor: `"serial"`, `"threads"`, `"processes"`, `"dask://host:port"`, a `distributed.Client` or
             any `concurrent.futures.Executor`. All give the same bits.

@@ -17,11 +17,11 @@ from headway.engine.run import Prepared
 from headway.engine.simulate import solve
 from headway.engine.trajectories import limits, to_dataset, variables
 from headway.errors import HeadwayError
+from headway.metrics.reduction import COLLISION, Extremes, Measure, Own, from_batches, from_trajectories
 from headway.models import Law
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 from headway.study.lanes import Fast, Kind, Pool, chosen_lanes, joined, lanes_of, out_of_bounds
-from headway.study.measures import COLLISION, Extremes, Measure, Own, from_batches, from_trajectories
 from headway.study.paths import ORDER, SHARE, Target, parameter_of
 from headway.study.templates import Table
 

@@ -222,7 +222,7 @@ def _experiment(experiment: Experiment) -> list[Block]:
 
 
 def _runs(names: Iterable[str]) -> Table:
-    from headway.analysis.metrics import summary
+    from headway.metrics import summary
     from headway.study.paper.settings import run
 
     rows = []

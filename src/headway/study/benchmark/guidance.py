@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from headway.analysis.linear import Linear
-from headway.analysis.metrics import amplitude_growth
 from headway.engine.simulate import simulate
 from headway.errors import HeadwayError
+from headway.metrics import amplitude_growth
 from headway.scenario.disturbance import Sine
 from headway.scenario.scenario import Scenario
 from headway.study.benchmark.cells import PUBLISHED, Board, Cell

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis import metrics
+from headway import metrics
 from headway.errors import HeadwayError
 from headway.scenario.disturbance import Disturbance
 

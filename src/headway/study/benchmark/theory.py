@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from headway.analysis.linear import Linear, linearize
-from headway.analysis.metrics import throughput
 from headway.analysis.stability import Chain
 from headway.errors import HeadwayError
+from headway.metrics import throughput
 from headway.study.benchmark.cells import PUBLISHED, Board
 from headway.study.benchmark.spec import Benchmark, Course, Entry, Late
 

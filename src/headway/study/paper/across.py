@@ -7,8 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from headway.analysis import metrics, printed, safety
+from headway import metrics
+from headway.analysis import printed
 from headway.analysis.linear import linearize
+from headway.metrics import safety
 from headway.study.paper.settings import GAINS, peaks, run, scenario
 from headway.study.paper.verdicts import Choices, Claim, Condition, grows, known, within
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from headway.analysis import metrics
+from headway import metrics
 from headway.study.paper.settings import LATE, SHAPES, after, last_over_first, nonharmonic, peaks, run, steady, steps
 from headway.study.paper.verdicts import (
     Choices,

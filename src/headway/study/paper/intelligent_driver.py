@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from headway.analysis import metrics
+from headway import metrics
 from headway.study.paper.settings import (
     GAINS,
     IDM_SETS,

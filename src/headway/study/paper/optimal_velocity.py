@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from headway.analysis import metrics
+from headway import metrics
 from headway.analysis.linear import linearize
 from headway.study.paper.settings import SHAPES, after, last_over_first, nonharmonic, peaks, run, scenario
 from headway.study.paper.verdicts import (

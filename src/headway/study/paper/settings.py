@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis import metrics
-from headway.analysis.growth import fundamental
+from headway import metrics
 from headway.engine.simulate import simulate
 from headway.errors import HeadwayError, unknown_name
 from headway.library import library_table
+from headway.metrics.growth import fundamental
 from headway.scenario.files import from_table
 from headway.scenario.scenario import Scenario
 

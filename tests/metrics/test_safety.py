@@ -14,9 +14,9 @@ from scipy.integrate import quad
 from scipy.stats import truncnorm
 
 import headway as hw
-from headway.analysis import safety
 from headway.errors import HeadwayError
 from headway.library import library_scenario
+from headway.metrics import safety
 
 MEASURES = (safety.ttc, safety.tet, safety.tit, safety.drac, safety.mdrac, safety.picud, safety.cpi, safety.rss_margin,
             safety.least_gap)  # fmt: skip

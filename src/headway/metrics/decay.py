@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from headway.analysis.extremes import extreme_of, peak_of, refined
-from headway.analysis.measuring import Array, Reference, Signals, checked, meaning, positive
 from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
+from headway.metrics.dataset import Array, Reference, Signals, checked, meaning, positive
+from headway.metrics.extremes import extreme_of, peak_of, refined
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis.extremes import extreme_of
-from headway.analysis.measuring import Array, Signals, positive
 from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
+from headway.metrics.dataset import Array, Signals, positive
+from headway.metrics.extremes import extreme_of
 
 if TYPE_CHECKING:
     import xarray as xr

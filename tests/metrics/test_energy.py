@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from made import made
 
 import headway as hw
-from headway.analysis import comfort, energy
-from headway.analysis.energy import RoadLoad
 from headway.errors import HeadwayError
+from headway.metrics import comfort, energy
+from headway.metrics.energy import RoadLoad
 
 CAR = RoadLoad()
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import headway as hw
-from headway.analysis.extremes import FROM_ZERO, amplitude_of, extreme_of, peak_of
+from headway.metrics.extremes import FROM_ZERO, amplitude_of, extreme_of, peak_of
 from headway.models import IDM
 from headway.study.study import Study
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from made import made
 
 import headway as hw
-from headway.analysis import decay, growth, spacing
 from headway.errors import HeadwayError
+from headway.metrics import decay, growth, spacing
 
 OMEGA = 0.63
 TIME = np.linspace(0.0, 60.0, 3001)

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis.measuring import Array, Reference, Signals, meaning, positive
 from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
+from headway.metrics.dataset import Array, Reference, Signals, meaning, positive
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from headway.analysis.extremes import FROM_ZERO, extreme_of
-from headway.analysis.measuring import Array, Signals, checked, meaning
 from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
+from headway.metrics.dataset import Array, Signals, checked, meaning
+from headway.metrics.extremes import FROM_ZERO, extreme_of
 from headway.models import Model
 from headway.scenario.vehicle import Vehicle
 

@@ -1,7 +1,7 @@
-"""Measures of trajectories: DataArray in, DataArray out, any extra dimensions kept.
+"""The size of any variable over time: peak, root mean square, amplitude, least; and a summary of a run.
 
-Extremes are refined between samples, see `headway.analysis.extremes`. Measures that take a whole dataset live in
-files of their own, one a subject, and are found here too.
+DataArray in, DataArray out, any extra dimensions kept. Extremes are refined between samples, see
+`headway.metrics.extremes`.
 """
 
 from __future__ import annotations
@@ -11,47 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from headway.analysis.comfort import jerk, jerk_share, peak_jerk, rms_acceleration, rms_jerk
-from headway.analysis.decay import l2_ratio, linf_ratio, logarithmic_decrement, overshoot, settling_time
-from headway.analysis.energy import RoadLoad, combustion_energy, electric_energy, fuel, kamal
-from headway.analysis.extremes import Array, Bounds, amplitude_of, extreme_of, peak_of, rms_of
-from headway.analysis.growth import (
-    amplitude_growth,
-    describing_function,
-    fundamental,
-    harmonic_distortion,
-    phase_lag,
-    time_lag,
-)
-from headway.analysis.measuring import bounds
-from headway.analysis.safety import (
-    collided,
-    collisions,
-    cpi,
-    drac,
-    least_gap,
-    mdrac,
-    picud,
-    rss_margin,
-    tet,
-    time_to_collision,
-    tit,
-    ttc,
-)
-from headway.analysis.spacing import least_time_gap, steady_error, throughput, time_gap
 from headway.errors import HeadwayError
+from headway.metrics.dataset import bounds
+from headway.metrics.extremes import Array, Bounds, amplitude_of, extreme_of, peak_of, rms_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "RoadLoad", "amplitude", "amplitude_growth", "amplitude_ratio", "collided", "collisions", "combustion_energy",
-    "cpi", "describing_function", "drac", "electric_energy", "fuel", "fundamental", "harmonic_distortion", "jerk",
-    "jerk_share", "kamal", "l2_ratio", "least", "least_gap", "least_time_gap", "linf_ratio", "logarithmic_decrement",
-    "mdrac", "overshoot", "peak", "peak_jerk", "phase_lag", "picud", "rms", "rms_acceleration", "rms_jerk",
-    "rss_margin", "settling_time", "steady_error", "summary", "tet", "throughput", "time_gap", "time_lag",
-    "time_to_collision", "tit", "ttc",
-]  # fmt: skip
+__all__ = ["amplitude", "amplitude_ratio", "least", "peak", "rms", "summary"]
 
 
 def peak(values: xr.DataArray) -> xr.DataArray:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis.extremes import FREE, FROM_ZERO, Bounds
 from headway.errors import HeadwayError, unknown_name
+from headway.metrics.extremes import FREE, FROM_ZERO, Bounds
 from headway.schema import VARIABLES
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """The metrics of a study: which signals each needs and what it makes of their extremes.
 
-Names are those of `headway.analysis.metrics`, whose values these are to the last bit: `peak_`, `rms_`, `least_` and
+Names are those of `headway.metrics`, whose values these are to the last bit: `peak_`, `rms_`, `least_` and
 `largest_` before a signal, `_amplitude` and `_amplitude_ratio` after it, and `collision_time`.
 """
 
@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis.extremes import FREE, FROM_ZERO, Bounds, extreme_of, refined, rms_of
 from headway.engine.measured import ABOUT_GAPS, EXTREMES, QUANTITIES, SQUARE, Reduction
 from headway.errors import HeadwayError, shorten, unknown_name
+from headway.metrics.extremes import FREE, FROM_ZERO, Bounds, extreme_of, refined, rms_of
 from headway.schema import VARIABLES
 
 __all__ = ["COLLISION", "DEFAULT", "Extremes", "Measure", "Own", "chosen", "from_batches", "from_trajectories"]

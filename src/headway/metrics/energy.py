@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from headway.analysis.measuring import Array, Signals, checked
 from headway.errors import HeadwayError, unknown_name
+from headway.metrics.dataset import Array, Signals, checked
 
 if TYPE_CHECKING:
     import xarray as xr

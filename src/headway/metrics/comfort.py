@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from headway.analysis.extremes import peak_of, rms_of
-from headway.analysis.measuring import Array, Signals, positive
 from headway.errors import HeadwayError
+from headway.metrics.dataset import Array, Signals, positive
+from headway.metrics.extremes import peak_of, rms_of
 
 if TYPE_CHECKING:
     import xarray as xr
