@@ -61,7 +61,7 @@ def _feed(digest: Any, thing: Any, seen: set[Any], names: tuple[str, ...] = ()) 
             _feed(digest, item, seen, names)
     elif isinstance(thing, frozenset | set):
         digest.update(repr(sorted(map(repr, thing))).encode())
-    elif type(thing).__repr__ is object.__repr__:  # which would tell an address
+    elif getattr(type(thing), "__repr__", None) is object.__repr__:  # which would tell an address
         digest.update(type(thing).__qualname__.encode())
     else:
         digest.update(repr(thing).encode())

@@ -108,7 +108,7 @@ def _stamp(file: str) -> float:
 
 @functools.lru_cache(maxsize=16)
 def _from_file(
-    file: str, vehicle: int, form: str | None, columns: tuple, units: tuple, stamp: float
+    file: str, vehicle: int, form: str | None, columns: Pairs, units: Pairs, stamp: float
 ) -> tuple[np.ndarray, np.ndarray]:
     from headway.data.readers import read
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -141,7 +141,7 @@ def disturbances(board: Board) -> Figure:
     return figure
 
 
-def _handles(looks: dict[str, dict]) -> list:
+def _handles(looks: dict[str, dict[str, Any]]) -> list[Any]:
     from matplotlib.lines import Line2D
 
     return [Line2D([], [], label=name, **look) for name, look in looks.items()]

@@ -7,6 +7,7 @@ import csv
 import hashlib
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -109,5 +110,5 @@ def _page(report: Report, tables: dict[int, str], figures: str, drawn: dict[str,
     )
 
 
-def _is(kind: type):
+def _is(kind: type) -> Callable[[object], bool]:
     return lambda block: isinstance(block, kind)
