@@ -43,3 +43,15 @@ def test_the_rooms_with_public_names_are_modules(name):
     assert room is getattr(headway, name)
     for public in getattr(room, "__all__", ()):
         assert hasattr(room, public)
+
+
+def test_every_public_name_is_there():
+    """The stub names them once, for type checkers and for the package."""
+    assert "linearize" in headway.__all__
+    assert "Sine" not in headway.__all__
+    assert sorted(headway.__all__) == dir(headway)
+    for name in headway.__all__:
+        assert getattr(headway, name) is not None
+    assert headway.sine is importlib.import_module("headway.scenario.disturbance").Sine
+    with pytest.raises(AttributeError, match="did you mean 'simulate'"):
+        _ = headway.simulat

@@ -12,96 +12,32 @@ Names are loaded when they are first used, so that importing headway costs nothi
 
 from __future__ import annotations
 
+import ast
 import importlib
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from headway.version import __version__
 
-#: public name → (module, name in it; None for the module itself)
-_PUBLIC: dict[str, tuple[str, str | None]] = {
-    "models": ("headway.models", None),
-    "model": ("headway.models.law", "model"),
-    "Param": ("headway.models.law", "Param"),
-    "Law": ("headway.models.law", "Law"),
-    "Model": ("headway.models.law", "Model"),
-    "maths": ("headway.maths", None),
-    "check_model": ("headway.analysis.conformance", "check_model"),
-    "load_laws": ("headway.models.own", "load_laws"),
-    "Vehicle": ("headway.scenario.vehicle", "Vehicle"),
-    "Scenario": ("headway.scenario.scenario", "Scenario"),
-    "load": ("headway.scenario.files", "load"),
-    "from_toml": ("headway.scenario.files", "from_toml"),
-    "constant": ("headway.scenario.disturbance", "Constant"),
-    "sine": ("headway.scenario.disturbance", "Sine"),
-    "window": ("headway.scenario.disturbance", "Window"),
-    "step": ("headway.scenario.disturbance", "Step"),
-    "brake": ("headway.scenario.disturbance", "Brake"),
-    "square": ("headway.scenario.disturbance", "Square"),
-    "sawtooth": ("headway.scenario.disturbance", "Sawtooth"),
-    "triangle": ("headway.scenario.disturbance", "Triangle"),
-    "multisine": ("headway.scenario.disturbance", "Multisine"),
-    "chirp": ("headway.scenario.disturbance", "Chirp"),
-    "noise": ("headway.scenario.disturbance", "Noise"),
-    "cycle": ("headway.scenario.disturbance", "Cycle"),
-    "recorded": ("headway.scenario.recorded", "Recorded"),
-    "library": ("headway.library", None),
-    "behind": ("headway.scenario.behind", "behind"),
-    "simulate": ("headway.engine.simulate", "simulate"),
-    "simulate_many": ("headway.engine.simulate", "simulate_many"),
-    "linearize": ("headway.analysis.linear", "linearize"),
-    "head_to_tail": ("headway.analysis.linear", "head_to_tail"),
-    "stability_map": ("headway.analysis.map", "stability_map"),
-    "StabilityMap": ("headway.analysis.map", "StabilityMap"),
-    "metrics": ("headway.metrics", None),
-    "Study": ("headway.study.study", "Study"),
-    "between": ("headway.study.axes", "between"),
-    "load_study": ("headway.study.files", "load_study"),
-    "open_study": ("headway.study.study", "open_study"),
-    "calibrate": ("headway.calibration.fit", "calibrate"),
-    "calibration": ("headway.calibration", None),
-    "save": ("headway.results", "save"),
-    "open_results": ("headway.results", "open_results"),
-    "data": ("headway.data", None),
-    "plot": ("headway.plot", None),
-    "explore": ("headway.explorer", "explore"),
-    "HeadwayError": ("headway.errors", "HeadwayError"),
-    "HeadwayWarning": ("headway.errors", "HeadwayWarning"),
-}
+
+def _names() -> dict[str, tuple[str, str | None]]:
+    """Public name → (module, name in it; None for the module itself), as the stub beside this file says them."""
+    found: dict[str, tuple[str, str | None]] = {}
+    hidden: dict[str, tuple[str, str | None]] = {}
+    for node in ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and node.module is not None:
+            for alias in node.names:
+                whole = node.module == "headway"
+                place = (f"headway.{alias.name}", None) if whole else (node.module, alias.name)
+                (found if alias.asname else hidden)[alias.name] = place
+        elif isinstance(node, ast.Assign) and isinstance(node.value, ast.Name):
+            found |= {target.id: hidden[node.value.id] for target in node.targets if isinstance(target, ast.Name)}
+    return found
+
+
+_PUBLIC = {name: place for name, place in _names().items() if name != "__version__"}
 
 __all__ = ["__version__", *_PUBLIC]
-
-if TYPE_CHECKING:
-    from headway import calibration, data, library, maths, metrics, models, plot
-    from headway.analysis.conformance import check_model
-    from headway.analysis.linear import head_to_tail, linearize
-    from headway.analysis.map import StabilityMap, stability_map
-    from headway.calibration.fit import calibrate
-    from headway.engine.simulate import simulate, simulate_many
-    from headway.errors import HeadwayError, HeadwayWarning
-    from headway.explorer import explore
-    from headway.models.law import Law, Model, Param, model
-    from headway.models.own import load_laws
-    from headway.results import open_results, save
-    from headway.scenario.behind import behind
-    from headway.scenario.disturbance import Brake as brake
-    from headway.scenario.disturbance import Chirp as chirp
-    from headway.scenario.disturbance import Constant as constant
-    from headway.scenario.disturbance import Cycle as cycle
-    from headway.scenario.disturbance import Multisine as multisine
-    from headway.scenario.disturbance import Noise as noise
-    from headway.scenario.disturbance import Sawtooth as sawtooth
-    from headway.scenario.disturbance import Sine as sine
-    from headway.scenario.disturbance import Square as square
-    from headway.scenario.disturbance import Step as step
-    from headway.scenario.disturbance import Triangle as triangle
-    from headway.scenario.disturbance import Window as window
-    from headway.scenario.files import from_toml, load
-    from headway.scenario.recorded import Recorded as recorded
-    from headway.scenario.scenario import Scenario
-    from headway.scenario.vehicle import Vehicle
-    from headway.study.axes import between
-    from headway.study.files import load_study
-    from headway.study.study import Study, open_study
 
 
 def __getattr__(name: str) -> Any:
