@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 from pathlib import Path
 
 import pytest
@@ -55,3 +56,14 @@ def test_every_public_name_is_there():
     assert headway.sine is importlib.import_module("headway.scenario.disturbance").Sine
     with pytest.raises(AttributeError, match="did you mean 'simulate'"):
         _ = headway.simulat
+
+
+def test_the_map_of_the_house_is_true():
+    """Each file that CONTRIBUTING.md names for a concept exists, and each room has a line."""
+    text = (PACKAGE.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rooms, concepts = (part.split("\n\n")[0] for part in text.split("| --- | --- |\n")[1:3])
+    named = re.findall(r"`([^`]+\.pyi?)` \|$", concepts, re.MULTILINE)
+    assert len(named) == len(concepts.splitlines())
+    assert [name for name in named if not (PACKAGE / name).is_file()] == []
+    folders = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert set(re.findall(r"`(\w+)`", "".join(line.split("|")[1] for line in rooms.splitlines()))) == folders
