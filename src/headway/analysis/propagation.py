@@ -19,12 +19,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from headway.analysis.quasipolynomial import QuasiPolynomial
 from headway.analysis.search import root
-
-Array = NDArray[np.float64]
+from headway.arrays import Array
 
 __all__ = ["Kind", "Propagation", "Saddle", "Verdict", "growth", "propagation", "saddles"]
 

@@ -24,10 +24,9 @@ from numpy.typing import NDArray
 
 from headway.analysis.quasipolynomial import QuasiPolynomial
 from headway.analysis.roots import rightmost
+from headway.arrays import Array
 
 __all__ = ["Response"]
-
-Array = NDArray[np.float64]
 
 _NODES = 16
 #: a kink is smoothed by every integration; this many times reflected it is below the rounding of a piece

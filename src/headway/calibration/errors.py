@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.calibration.loop import Loop
 from headway.calibration.segments import Segment
 from headway.calibration.space import Space
 
 __all__ = ["Errors", "errors_on"]
-
-Array = NDArray[np.float64]
 
 
 class Errors(NamedTuple):

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.calibration.loop import Loop
 from headway.study.executors import cores
 
 __all__ = ["Problems", "polish"]
-
-Array = NDArray[np.float64]
 
 #: step of the forward differences in the unit cube; trajectories are smooth to 1e-9
 _STEP = 1e-5

@@ -10,15 +10,13 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.calibration.loop import Loop
 from headway.calibration.polish import Problems, polish
 from headway.study.executors import cores
 
 __all__ = ["search"]
-
-Array = NDArray[np.float64]
 
 #: candidates per quantity, and generations
 _CANDIDATES, _GENERATIONS = 16, 40

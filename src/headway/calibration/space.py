@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.errors import HeadwayError, unknown_name
 from headway.models import Law, Model
 from headway.scenario.channel import Channel
 from headway.scenario.vehicle import Vehicle
 
 __all__ = ["OWN_BOUNDS", "Space"]
-
-Array = NDArray[np.float64]
 
 #: bounds [s] of what is no parameter of the law
 OWN_BOUNDS = {"delay": (0.0, 3.0), "lag": (0.0, 2.0)}

@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.engine.quadrature import trapezoid
 
 __all__ = ["FREE", "FROM_ZERO", "Bounds", "amplitude_of", "extreme_of", "peak_of", "refined", "rms_of"]
-
-Array = NDArray[np.float64]
 
 #: least and largest value that a signal can have: numbers, or arrays (…,) as of its extremes
 Bounds = tuple[Any, Any]

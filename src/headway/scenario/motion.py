@@ -17,9 +17,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from headway.arrays import Array
+
 __all__ = ["Motion", "Piece", "at_lanes", "polyline", "smooth_curve"]
 
-Array = NDArray[np.float64]
 Side = Literal["left", "right"]
 
 #: largest order of a jump in the position's derivatives that matters to a fourth-order method

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.models import Law
 
 __all__ = ["equilibrium_gaps"]
-
-Array = NDArray[np.float64]
 
 
 class _Exact(np.ndarray):

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.data.recording import Recording
 from headway.errors import HeadwayError
 from headway.view import style
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from headway.calibration.fit import Fit
 
 __all__ = ["calibrated", "gains", "growth", "penetration", "replayed"]
-
-Array = NDArray[np.float64]
 
 #: how what was recorded and what was fitted is drawn
 _RECORDED: dict[str, Any] = {"color": "black", "linewidth": 1.1}

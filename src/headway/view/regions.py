@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
+
 if TYPE_CHECKING:
     from matplotlib.path import Path
 
 __all__ = ["area", "intervals"]
-
-Array = NDArray[np.float64]
 
 
 def intervals(codes: NDArray[Any], code: int, values: Array, lines: Sequence[Array]) -> list[tuple[float, float]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.errors import HeadwayError, shorten
 from headway.view import style
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from headway.analysis.linear import Linear
 
 __all__ = ["damping", "gain_phase", "responses", "root_locus", "said"]
-
-Array = NDArray[np.float64]
 
 #: delays [s] that are drawn beside the vehicle's own
 _DELAYS = (0.0, 0.5, 1.0, 1.5)

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.errors import HeadwayError
 from headway.view import style
 
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 __all__ = [
     "accelerations", "comparison", "gaps", "overview", "spacing_errors", "speeds", "time_space",
 ]  # fmt: skip
-
-Array = NDArray[np.float64]
 
 #: variables between a car and the one ahead: their lines are named after the pair
 _OF_PAIRS = ("gap", "relative_speed", "spacing_error", "policy_error")

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.errors import HeadwayError, shorten
 from headway.view import style
 from headway.view.stability import said
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from headway.analysis.propagation import Propagation
 
 __all__ = ["propagation"]
-
-Array = NDArray[np.float64]
 
 #: how much the fastest growing part has grown at the end of the picture, and its length [s] where nothing grows
 _GROWN, _STABLE = 10.0, 120.0

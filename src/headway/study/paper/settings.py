@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from headway import metrics
+from headway.arrays import Array
 from headway.engine.simulate import simulate
 from headway.errors import HeadwayError, unknown_name
 from headway.library import library_table
@@ -27,7 +27,6 @@ __all__ = [
     "nonharmonic", "peaks", "run", "scenario", "steady", "steps",
 ]  # fmt: skip
 
-Array = NDArray[np.float64]
 Table = dict[str, Any]
 
 
