@@ -134,7 +134,7 @@ class Law:
     def _repr_html_(self) -> str:
         from headway.models.notebook import law_html
 
-        return law_html(self)
+        return law_html(self, SIGNALS)
 
     def __copy__(self) -> Law:
         return self
@@ -198,7 +198,7 @@ class Model:
     def _repr_html_(self) -> str:
         from headway.models.notebook import model_html
 
-        return model_html(self)
+        return model_html(self, SIGNALS)
 
     def replace(self, **values: float) -> Model:
         """The same law with some parameters changed."""
@@ -313,7 +313,7 @@ def _read(
         raise HeadwayError(f"law {own} perceives no signal; its positional arguments say which, e.g. (s, v, dv)")
     text = title or (inspect.getdoc(function) or own).strip().splitlines()[0].rstrip(".")
     law = Law(own, function, tuple(signals), parameters, text, formula, source, doi)
-    from headway.models.signs import wrong_sign  # which needs laws
+    from headway.models.signs import wrong_sign
 
     if sentence := wrong_sign(law):
         warnings.warn(sentence, HeadwayWarning, stacklevel=3)

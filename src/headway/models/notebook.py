@@ -12,24 +12,26 @@ if TYPE_CHECKING:
 
 __all__ = ["law_html", "model_html"]
 
-
-def law_html(law: Law) -> str:
-    """Formula, parameters with defaults, signals and source of a law."""
-    return _html(law, f"{law.title} ({law.name})", "default", {n: p.default for n, p in law.parameters.items()})
+Signals = Mapping[str, tuple[str, str]]
 
 
-def model_html(model: Model) -> str:
-    """The same with the values of a model."""
-    return _html(model.law, f"{model.law.title} ({model.name})", "value", model.parameters)
+def law_html(law: Law, signals: Signals) -> str:
+    """Formula, parameters with defaults, signals (name → unit, meaning) and source of a law."""
+    return _html(
+        law, signals, f"{law.title} ({law.name})", "default", {n: p.default for n, p in law.parameters.items()}
+    )
 
 
-def _html(law: Law, caption: str, kind: str, values: Mapping[str, float]) -> str:
-    from headway.models.law import SIGNALS  # which shows itself with this module
+def model_html(model: Model, signals: Signals) -> str:
+    """Formula, parameters with their values, signals and source of a model."""
+    return _html(model.law, signals, f"{model.law.title} ({model.name})", "value", model.parameters)
 
+
+def _html(law: Law, signals: Signals, caption: str, kind: str, values: Mapping[str, float]) -> str:
     parameters = [(name, values[name], p.info.unit, p.range, p.info.text) for name, p in law.parameters.items()]
     return block(
         table(caption, ("parameter", kind, "unit", "allowed", "meaning"), parameters),
-        table("It perceives", ("signal", "unit", "meaning"), [(name, *SIGNALS[name]) for name in law.signals]),
+        table("It perceives", ("signal", "unit", "meaning"), [(name, *signals[name]) for name in law.signals]),
         paragraph(f"acceleration = {law.formula}" if law.formula else ""),
         paragraph(law.source + (f", doi:{law.doi}" if law.doi else "")),
     )

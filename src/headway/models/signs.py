@@ -7,9 +7,12 @@ The signal `dv` is v_ahead - v, positive while the gap opens. Books often write 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from headway.models.dual import partials
-from headway.models.law import Law
+
+if TYPE_CHECKING:
+    from headway.models.law import Law
 
 __all__ = ["wrong_sign"]
 
