@@ -29,7 +29,7 @@ def killed_after(pieces: int, path: Path) -> int:
     process = subprocess.Popen([sys.executable, SCRIPT, path], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     marks = path / "complete"
     while process.poll() is None:
-        if marks.is_dir() and len(list(marks.glob("*.json"))) >= pieces:
+        if marks.is_dir() and len(list(marks.glob("[0-9]*.json"))) >= pieces:
             process.send_signal(signal.SIGKILL)
             break
         time.sleep(0.001)

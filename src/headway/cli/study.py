@@ -24,6 +24,8 @@ study_app = App(name="study", help="Run a scenario at many points, resumably, on
 #: exit code of what Ctrl-C ended
 _INTERRUPTED = 130
 
+_LOST = "nothing is kept without --store; with it, --resume goes on"
+
 
 @study_app.default
 def study(
@@ -46,6 +48,18 @@ def study(
     json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
 ) -> int:
     """Run a scenario at all points of its axes and print what came of it."""
+    try:
+        return _study(file, set_ or [], model or [], metrics, executor, shard, store, resume, out, figure, theory, json)
+    except KeyboardInterrupt:
+        way = f"what is done is in {store}; go on with: the same command and --resume" if store else _LOST
+        print(f"headway: interrupted; {way}", file=sys.stderr)
+        return _INTERRUPTED
+
+
+def _study(
+    file: Path, assignments: list[str], models: list[str], metrics: str, executor: str, shard: str,
+    store: Path | None, resume: bool, out: Path | None, figure: Path | None, theory: bool, json: bool,
+) -> int:  # fmt: skip
     from headway.cli.run import check_target
     from headway.models.own import load_laws
     from headway.scenario.files import override, read_table
@@ -57,23 +71,18 @@ def study(
         raise HeadwayError("study: --theory is quick and needs no --store, --shard or --metrics")
     part = _part(shard)
     table = read_table(file)
-    for assignment in set_ or []:
+    for assignment in assignments:
         override(table, assignment, more=("axes", "design", "types"))
-    chosen = study_from_table(table, [law for m in model or [] for law in load_laws(m)], file.parent)
+    chosen = study_from_table(table, [law for m in models for law in load_laws(m)], file.parent)
     begin = time.perf_counter()
-    try:
-        with _progress() as progress:
-            if theory:
-                found = chosen.stability(executor, progress=progress)
-            else:
-                found = chosen.run(
-                    [m.strip() for m in metrics.split(",")] if metrics else None,
-                    executor, shard=part, store=store, resume=resume or bool(part), progress=progress,
-                )  # fmt: skip
-    except KeyboardInterrupt:
-        way = "go on with: the same command and --resume" if store else "nothing is kept without --store"
-        print(f"headway: interrupted; {way}", file=sys.stderr)
-        return _INTERRUPTED
+    with _progress() as progress:
+        if theory:
+            found = chosen.stability(executor, progress=progress)
+        else:
+            found = chosen.run(
+                [m.strip() for m in metrics.split(",")] if metrics else None,
+                executor, shard=part, store=store, resume=resume or bool(part), progress=progress,
+            )  # fmt: skip
     seconds = time.perf_counter() - begin
     written = []
     if out is not None:
@@ -95,12 +104,16 @@ def study(
 def status(
     store: Annotated[Path, Parameter(help="A store that a study writes or has written.")],
     *,
+    check: Annotated[bool, Parameter(help="Read all values too and say which pieces are damaged.")] = False,
     json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
 ) -> None:
     """Say how far a study is."""
     from headway.study.store import Store
 
-    found = Store.open(store).status()
+    opened = Store.open(store)
+    found = opened.status()
+    if check:
+        found["damaged"] = sorted(opened.damaged(opened.complete()))
     if json:
         show.print_json(found)
         return
@@ -109,6 +122,9 @@ def status(
     print(f"{found['title']}: {done}")
     rows = [(name, str(found[name])) for name in ("ok", "collision", "invalid", "failed", "pending")]
     show.table("", ("status", "points"), rows)
+    if check:
+        pieces = ", ".join(map(str, found["damaged"]))
+        print(f"damaged, to be computed anew by --resume: pieces {pieces}" if pieces else "no piece is damaged")
 
 
 def _part(text: str) -> tuple[int, int] | None:

@@ -1,17 +1,23 @@
 """Who does the pieces of a study: this thread, threads, processes, any executor, a Dask cluster.
 
 All do the same work on the same pieces, so all give the same bits. Pieces of a worker that dies are done again.
+Whoever leaves a workforce early, with Ctrl-C or an error, leaves nothing behind that goes on working.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import itertools
+import multiprocessing
 import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, ThreadPoolExecutor, wait
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,13 +25,13 @@ import numpy as np
 from headway.errors import HeadwayError, shorten, unknown_name
 from headway.study.work import Job, Piece
 
-__all__ = ["Task", "cores", "perform"]
+__all__ = ["Task", "cores", "workforce"]
 
 #: how often a piece is tried on workers that die
 _TRIES = 4
 
-#: seconds to wait for a scheduler
-_PATIENCE = 5
+#: seconds to wait for a scheduler, and for its goodbye
+_PATIENCE, _GOODBYE = 5, 0.5
 
 _KINDS = ("serial", "threads", "processes", "dask://host:port")
 
@@ -38,96 +44,171 @@ class Task(NamedTuple):
     points: int
 
 
+Work = Callable[[Mapping[str, np.ndarray], int], Piece]
+Answers = Iterator[tuple[int, Piece]]
+
+
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def perform(job: Job, tasks: Iterator[Task], executor: Any = "serial") -> Iterator[tuple[int, Piece]]:
-    """Do all tasks and give (number, answer) as they are ready; see `Study.run` for `executor`."""
-    if executor == "serial":
+@contextmanager
+def workforce(job: Job, executor: Any) -> Iterator[Callable[[Iterable[Task]], Answers]]:
+    """What does tasks of a job: called with tasks, gives (number, answer) as they are ready.
+
+    Args:
+        job: The study without its points.
+        executor: See `Study.run`.
+
+    Raises:
+        HeadwayError: On entering, if the executor cannot be had; so nothing was begun in vain.
+    """
+    if isinstance(executor, str) and executor in ("serial", "threads"):
         worker = job.worker()
-        return ((t.number, worker(t.columns, t.points)) for t in tasks)
-    if executor == "threads":
-        worker = job.worker()
-        return _pooled(lambda: ThreadPoolExecutor(cores()), worker.__call__, tasks, 2 * cores())
-    if executor == "processes":
-        return _pooled(_processes, _Elsewhere(job), tasks, 2 * cores())
-    if isinstance(executor, str) and executor.startswith("dask://"):
-        return _dask(_client(executor), job, tasks, close=True)
-    if isinstance(executor, Executor):
-        return _pooled(lambda: executor, _Elsewhere(job), tasks, 4 * cores(), own=False)
-    if hasattr(executor, "get_executor"):
-        return _dask(executor, job, tasks, close=False)
-    if isinstance(executor, str):
+        if executor == "serial":
+            yield lambda tasks: ((t.number, worker(t.columns, t.points)) for t in tasks)
+            return
+        pool = ThreadPoolExecutor(cores())
+        try:
+            yield functools.partial(_windowed, pool, worker.__call__, 2 * cores())
+        finally:
+            worker.stop.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+    elif isinstance(executor, str) and executor == "processes":
+        with _lifeline() as line:
+            yield functools.partial(_replaced, functools.partial(_processes, line), _Elsewhere(job))
+    elif isinstance(executor, Executor):
+        yield functools.partial(_guarded, executor, _Elsewhere(job), 4 * cores())
+    elif isinstance(executor, str) and executor.startswith("dask://"):
+        work, client = _Elsewhere(job), _client(executor)
+        try:
+            with _dask(client, work) as perform:
+                yield perform
+        finally:
+            client.close(timeout=_GOODBYE)
+    elif hasattr(executor, "get_executor"):
+        with _dask(executor, _Elsewhere(job)) as perform:
+            yield perform
+    elif isinstance(executor, str):
         raise unknown_name("executor", executor, _KINDS)
-    raise HeadwayError(f"executor = {shorten(executor)} is neither {', '.join(_KINDS)} nor an executor nor a client")
+    else:
+        raise HeadwayError(
+            f"executor = {shorten(executor)} is neither {', '.join(_KINDS)} nor an executor nor a client"
+        )
 
 
-def _pooled(
-    make: Callable[[], Executor], work: Callable[..., Piece], tasks: Iterator[Task], most: int, own: bool = True
-) -> Iterator[tuple[int, Piece]]:
-    """Keep `most` tasks under way; where the pool breaks, make another and do again what was under way."""
-    pool, running, tries = make(), {}, {}  # type: ignore[var-annotated]  # Future → Task, number → tries
+def _windowed(
+    pool: Executor, work: Work, most: int, tasks: Iterable[Task], running: dict[Future[Piece], int] | None = None
+) -> Answers:
+    """Answers of a pool, with at most `most` tasks under way: those in `running`, which the caller may cancel."""
+    waiting, running = iter(tasks), {} if running is None else running
+    while True:
+        for task in itertools.islice(waiting, most - len(running)):
+            running[pool.submit(work, task.columns, task.points)] = task.number
+        if not running:
+            return
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            number = running.pop(future)
+            yield number, future.result()
+
+
+def _guarded(pool: Executor, work: Work, most: int, tasks: Iterable[Task], death: Any = BrokenExecutor) -> Answers:
+    """Answers of a pool that is not ours: where workers die for good, that is the end."""
+    running: dict[Future[Piece], int] = {}
     try:
-        again: list[Task] = []
-        while True:
-            while len(running) < most and (task := again.pop() if again else next(tasks, None)):
-                tries[task.number] = tries.get(task.number, 0) + 1
-                try:
-                    running[pool.submit(work, task.columns, task.points)] = task
-                except BrokenExecutor:
-                    again.append(task)
-                    break
-            if not running and not again:
-                return
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            broken = bool(again and not running)
-            for future in done:
-                task = running.pop(future)
-                try:
-                    answer = future.result()
-                except Exception as error:
-                    if not _died(error):
-                        raise
-                    if tries[task.number] >= _TRIES or not own:
-                        raise HeadwayError(
-                            f"executor: workers died {tries[task.number]} times while doing piece {task.number}; "
-                            "what is done stays in the store, if there is one"
-                        ) from None
-                    again.append(task)
-                    broken = True
-                    continue
-                tries.pop(task.number)
-                yield task.number, answer
-            if broken:
-                again += running.values()
-                running = {}
-                pool.shutdown(wait=False, cancel_futures=True)
-                pool = make()
+        yield from _windowed(pool, work, most, tasks, running)
+    except death as error:
+        raise _died(type(error).__name__) from None
     finally:
         for future in running:
             future.cancel()
-        if own:
-            pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _died(error: BaseException) -> bool:
-    """Whether an error says that a worker died, of a pool or of a cluster."""
-    return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
+def _replaced(make: Callable[[], Executor], work: Work, tasks: Iterable[Task]) -> Answers:
+    """Answers of pools of our own: where one breaks, another does what has no answer yet."""
+    tries: Counter[int] = Counter()
+    pending: dict[int, Task] = {}
+
+    def noted(batch: Iterable[Task]) -> Iterator[Task]:
+        for task in batch:
+            pending[task.number] = task
+            tries[task.number] += 1
+            yield task
+
+    todo = iter(tasks)
+    while True:
+        pool = make()
+        try:
+            for number, piece in _windowed(pool, work, 2 * cores(), noted(todo)):
+                del pending[number], tries[number]
+                yield number, piece
+            return
+        except BrokenExecutor:
+            number, count = tries.most_common(1)[0]
+            if count >= _TRIES:
+                raise _died(f"{count} times while doing piece {number}") from None
+            todo = itertools.chain(list(pending.values()), todo)
+        finally:
+            pool.shutdown(wait=False)  # what is under way ends with the lifeline
 
 
-def _processes() -> Executor:
-    import multiprocessing
+def _died(how: str) -> HeadwayError:
+    return HeadwayError(f"executor: workers died ({how}); what is done stays in the store, if there is one")
+
+
+# -- processes -------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _lifeline() -> Iterator[Any]:
+    """The end of a pipe that workers watch: it closes when this process lets go of it, also by dying."""
+    watched, held = multiprocessing.get_context("spawn").Pipe(duplex=False)
+    try:
+        yield watched
+    finally:
+        held.close()
+        watched.close()
+
+
+def _processes(line: Any) -> Executor:
     from concurrent.futures import ProcessPoolExecutor
 
+    class Pool(ProcessPoolExecutor):
+        def submit(self, *args: Any, **kwargs: Any) -> Future[Any]:
+            with _deaf():  # this is where workers are started
+                return super().submit(*args, **kwargs)
+
     # spawned, not forked: threads of numerical libraries do not survive a fork
-    return ProcessPoolExecutor(cores(), multiprocessing.get_context("spawn"), _quiet)
+    return Pool(cores(), multiprocessing.get_context("spawn"), _watch, (line,))
 
 
-def _quiet() -> None:
-    """Leave Ctrl-C to the process that was typed at."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Who is started here never hears Ctrl-C, which is for the process that was typed at."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _watch(line: Any) -> None:
+    """End this worker as soon as the other end of the line is gone."""
+
+    def end() -> None:
+        try:
+            line.recv_bytes()
+        except (EOFError, OSError):
+            os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
+
+
+# -- Dask ------------------------------------------------------------------------------------------
 
 
 def _client(address: str) -> Any:
@@ -150,21 +231,20 @@ def _client(address: str) -> Any:
         ) from None
 
 
-def _dask(client: Any, job: Job, tasks: Iterator[Task], close: bool) -> Iterator[tuple[int, Piece]]:
+@contextmanager
+def _dask(client: Any, work: Work) -> Iterator[Callable[[Iterable[Task]], Answers]]:
     """On a Dask cluster, which does the pieces of a worker that dies elsewhere."""
+    from distributed.scheduler import KilledWorker
+
     threads = sum(client.ncores().values())
     if not threads:
         place = client.scheduler.address
-        if close:
-            client.close()
         raise HeadwayError(f"executor: the scheduler at {place} has no workers; start one with: dask worker {place}")
     pool = client.get_executor(pure=False, retries=1)
     try:
-        yield from _pooled(lambda: pool, _Elsewhere(job), tasks, 3 * threads, own=False)
+        yield functools.partial(_guarded, pool, work, 3 * threads, death=KilledWorker)
     finally:
         pool.shutdown(wait=False)  # lets go of what is under way, not of the cluster
-        if close:
-            client.close()
 
 
 _WORKERS: dict[str, Any] = {}

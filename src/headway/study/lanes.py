@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
+import threading
 from collections.abc import Sequence
+from concurrent.futures import CancelledError
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -68,6 +70,12 @@ class Pool:
     frames: dict[Any, Frame] = field(default_factory=dict)
     prepared: dict[Any, Prepared] = field(default_factory=dict)
     bytes: int = 0
+    stop: threading.Event = field(default_factory=threading.Event)
+
+    def go_on(self) -> None:
+        """Leave what is under way with `CancelledError` if nobody waits for it any more."""
+        if self.stop.is_set():
+            raise CancelledError
 
     def frame(self, kind: Kind) -> Frame:
         """The frame of a structure."""
@@ -80,6 +88,7 @@ class Pool:
 
     def steps(self, kind: Kind, shared: bool) -> Prepared:
         """What is prepared for batches behind the leader of `kind`, or behind many leaders."""
+        self.go_on()
         key = (kind.structure, kind.leader if shared else None)
         found = self.prepared.get(key)
         if found is None:

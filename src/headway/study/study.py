@@ -7,20 +7,21 @@ import hashlib
 import json
 import math
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from headway.errors import HeadwayError, shorten
+from headway.errors import HeadwayError, HeadwayWarning, shorten
 from headway.metrics.reduction import COLLISION, Measure, Own, chosen
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 from headway.schema import VARIABLES
 from headway.study.axes import Design, Points, points
 from headway.study.dataset import assembled
-from headway.study.executors import Task, perform
+from headway.study.executors import Task, workforce
 from headway.study.paths import Target, resolve
 from headway.study.store import Store
 from headway.study.templates import Table
@@ -38,6 +39,9 @@ _PIECE_TIME, _STEP_TIME = 0.4, 7e-9
 
 #: most points of a piece, and of one whose trajectories are looked at
 _MOST, _MOST_OWN = 16_384, 64
+
+#: raised where stores are laid out or numbers are computed otherwise
+_FORMAT = 2
 
 #: a piece is at most this part of a study, so that there is something to share out
 _PARTS = 16
@@ -173,32 +177,38 @@ class Study:
     ) -> tuple[dict[str, np.ndarray], dict[int, str]]:  # fmt: skip
         """Do the pieces that are asked for and not done yet; values by metric and messages of all points."""
         count = self.points.count
-        disk = None if store is None else Store.join(store, self._about(job, size), self.points.values, resume)
-        if disk is not None:
-            size = disk.about["chunk"]  # those who share a store cut alike
-        pieces = range(-(-count // size))
-        done = set() if disk is None else disk.complete()
-        mine = [n for n in pieces if shard is None or n % shard[1] == shard[0] - 1]
-        values = {} if disk else _empty(job, count)
-        messages: dict[int, str] = {}
-        sizes = {n: min(size, count - n * size) for n in mine}
-        total, ready = sum(sizes.values()), sum(sizes[n] for n in mine if n in done)
-        if progress is not None and ready:
-            progress(ready, total)
-        for number, piece in perform(job, self._tasks((n for n in mine if n not in done), size), executor):
-            start = number * size
+        # who does the work is there before a store is made
+        with workforce(job, executor) as perform:
+            disk = None if store is None else Store.join(store, self._about(job, size), self.points.values, resume)
             if disk is not None:
-                disk.write(number, piece)
-            else:
-                end = start + piece.status.size
-                values["status"][start:end] = piece.status
-                for name, array in piece.values.items():
-                    values[name][start:end] = array
-                messages |= {start + i: text for i, text in piece.messages.items()}
-            ready += sizes[number]
-            if progress is not None:
+                size = disk.about["chunk"]  # those who share a store cut alike
+            mine = [n for n in range(-(-count // size)) if shard is None or n % shard[1] == shard[0] - 1]
+            done = set() if disk is None else _intact(disk, mine)
+            values = {} if disk else _empty(job, count)
+            messages: dict[int, str] = {}
+            sizes = {n: min(size, count - n * size) for n in mine}
+            total, ready = sum(sizes.values()), sum(sizes[n] for n in mine if n in done)
+            if progress is not None and ready:
                 progress(ready, total)
-        return disk.read() if disk is not None else (values, messages)
+            for number, piece in perform(self._tasks((n for n in mine if n not in done), size)):
+                start = number * size
+                if disk is not None:
+                    disk.write(number, piece)
+                else:
+                    end = start + piece.status.size
+                    values["status"][start:end] = piece.status
+                    for name, array in piece.values.items():
+                        values[name][start:end] = array
+                    messages |= {start + i: text for i, text in piece.messages.items()}
+                ready += sizes[number]
+                if progress is not None:
+                    progress(ready, total)
+        if disk is None:
+            return values, messages
+        values, messages, damaged = disk.read()
+        if damaged:
+            warnings.warn(f"{_damage(disk, damaged)}, not done here and pending; resume the study", HeadwayWarning, 4)
+        return values, messages
 
     def _tasks(self, numbers: Iterable[int], size: int) -> Iterator[Task]:
         for number in numbers:
@@ -262,7 +272,7 @@ class Study:
 
         own = [fingerprint(m.function) for m in job.metrics if isinstance(m, Own)]
         names = dict(job.shapes)
-        text = json.dumps([self.hash, names, own, __version__])
+        text = json.dumps([_FORMAT, self.hash, names, own, __version__])
         return {
             "hash": hashlib.sha256(text.encode()).hexdigest(),
             "title": self.scenario.name
@@ -292,10 +302,26 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     """What a store holds so far, as `Study.run` gives it; `HeadwayError` if it is not a store of a study."""
     store = Store.open(path)
     about = store.about
-    values, messages = store.read()
+    values, messages, damaged = store.read()
+    if damaged:
+        raise HeadwayError(f"{_damage(store, damaged)}; run the study again with this store to compute them anew")
     found = Points(about["dims"], about["along"], store.axes())
     described = {n: (unit, meaning) for n, (unit, meaning) in about["described"].items()}
     return assembled(found, values, messages, described, about["attrs"])
+
+
+def _intact(store: Store, numbers: Iterable[int]) -> set[int]:
+    """Those of the pieces that are done; what is damaged is said and left to be done anew."""
+    done = store.complete() & set(numbers)
+    damaged = store.damaged(done)
+    if damaged:
+        warnings.warn(f"{_damage(store, damaged)}, now computed anew", HeadwayWarning, 5)
+    return done - damaged
+
+
+def _damage(store: Store, damaged: set[int]) -> str:
+    some = ", ".join(map(str, sorted(damaged)[:5])) + (", …" if len(damaged) > 5 else "")
+    return f"{store.path}: {len(damaged)} of {store.pieces} pieces damaged ({some})"
 
 
 def _described(metrics: Iterable[Measure | Own | str]) -> dict[str, tuple[str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from concurrent.futures import CancelledError
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,6 +44,7 @@ class Theory:
 
     job: Job
     chains: dict[Any, dict[str, float]] = field(default_factory=dict)
+    stop: threading.Event = field(default_factory=threading.Event)
 
     def __post_init__(self) -> None:
         self.table = Table(self.job.scenario, dict(self.job.types))
@@ -51,6 +53,8 @@ class Theory:
     def __call__(self, columns: Mapping[str, np.ndarray], count: int) -> Piece:
         piece = Piece({n: np.full(count, np.nan) for n in VERDICTS}, np.zeros(count, dtype=np.int8), {})
         for i in range(count):
+            if self.stop.is_set():
+                raise CancelledError
             values: list[tuple[tuple[Target, ...], Any]] = [(t, plain(columns[p][i])) for p, t in self.job.fields]
             try:
                 for name, value in self._point(values).items():

@@ -66,7 +66,7 @@ class Piece(NamedTuple):
 
 @dataclass
 class Worker:
-    """Does pieces of one job. Threads may share it."""
+    """Does pieces of one job. Threads may share it; whoever sets `stop` ends what is under way."""
 
     job: Job
     pool: Pool = field(default_factory=Pool)
@@ -89,7 +89,13 @@ class Worker:
 
     def scenario(self, columns: Mapping[str, np.ndarray], i: int) -> Scenario:
         """The scenario of point `i`; `HeadwayError` if there is none."""
+        self.pool.go_on()
         return self.table.template([(t, plain(columns[p][i])) for p, t in self.job.fields]).scenario
+
+    @property
+    def stop(self) -> threading.Event:
+        """Set where nobody waits for answers any more."""
+        return self.pool.stop
 
     # -- pieces ----------------------------------------------------------------------------------
 
@@ -139,6 +145,7 @@ class Worker:
 
     def _kind(self, values: list[tuple[tuple[Target, ...], Any]]) -> Kind | str:
         """The template of these values, or why there is none."""
+        self.pool.go_on()
         key = repr([v for _, v in values])
         with self.lock:
             if key in self.kinds:
