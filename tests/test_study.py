@@ -294,3 +294,12 @@ def test_a_metric_that_fails_is_recorded():
     found = Study(SCENARIO, {"leader.amplitude": [0.1, 5.0]}).run([picky])
     assert found.status.values.tolist() == ["ok", "failed"]
     assert "metric picky failed (KeyError: 'no')" in str(found.message.values[1])
+
+
+def test_a_wrong_type_is_called_by_its_own_place(tmp_path):
+    (tmp_path / "s.toml").write_text(
+        'duration = 5\n[leader]\nkind = "constant"\nspeed = 20\n[[followers]]\nmodel = "idm"\n'
+        '[axes]\nseed = [0]\n[types.truck]\nmodel = "idm"\nlag = -1\n'
+    )
+    with pytest.raises(hw.HeadwayError, match=r"^types\.truck\.lag = -1"):
+        hw.load_study(tmp_path / "s.toml")

@@ -90,8 +90,14 @@ def _leader(table: Any, folder: str | os.PathLike[str]) -> Disturbance:
     return build(kind, fields, "leader")
 
 
-def vehicles(tables: Any, models: Iterable[Law] = ()) -> list[Vehicle]:
-    """The followers that one or more tables of a file describe, front to back."""
+def vehicles(tables: Any, models: Iterable[Law] = (), place_of_one: str | None = None) -> list[Vehicle]:
+    """The followers that one or more tables of a file describe, front to back.
+
+    Args:
+        tables: one table or a list of them, as `[[followers]]` holds them.
+        models: laws of one's own that a table may name.
+        place_of_one: where a single table stands in its file, for errors; `followers.0` and so on if not given.
+    """
     models = tuple(models)
     if isinstance(tables, Mapping):
         tables = [tables]
@@ -99,7 +105,7 @@ def vehicles(tables: Any, models: Iterable[Law] = ()) -> list[Vehicle]:
         raise HeadwayError("followers must be one or more [[followers]] tables")
     found: list[Vehicle] = []
     for i, table in enumerate(tables):
-        place = f"followers.{i}"
+        place = place_of_one or f"followers.{i}"
         if not isinstance(table, Mapping):
             raise HeadwayError(f"{place} = {shorten(table)} is not a table")
         for key in table:

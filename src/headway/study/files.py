@@ -41,7 +41,7 @@ def study_from_table(
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise HeadwayError(f"design.seed = {shorten(seed)} is not a whole number of 0 or more")
     types = {
-        name: vehicles([{**_table(f"types.{name}", t), "count": 1}], models)[0]
+        name: vehicles([{**_table(f"types.{name}", t), "count": 1}], models, f"types.{name}")[0]
         for name, t in _table("types", table.get("types", {})).items()
     }
     return Study(

@@ -221,10 +221,7 @@ def _made(kind: str, row: Mapping[str, Any], place: str, laws: tuple[Law, ...], 
 
 
 def _entry(row: Mapping[str, Any], place: str, laws: tuple[Law, ...]) -> Entry:
-    try:
-        vehicle = vehicles({k: v for k, v in row.items() if k in FOLLOWER_KEYS}, laws)[0]
-    except HeadwayError as error:
-        raise HeadwayError(str(error).replace("followers.0", place)) from None
+    vehicle = vehicles({k: v for k, v in row.items() if k in FOLLOWER_KEYS}, laws, place)[0]
     law = vehicle.model.law
     late = _names(row["late"], f"{place}.late") if "late" in row else _usually_late(law)
     for signal in late:
