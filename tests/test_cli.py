@@ -94,7 +94,51 @@ def test_run_says_when_someone_collides(ok, folder):
     changes = ("gaps=5", "followers.0.limits=[-2, 1]", "leader={kind='brake',mean=23,drop=23,hold=3}")
     out = ok("run", folder / "scenario.toml", *(x for change in changes for x in ("--set", change)))
     assert "collision [s]" in out
-    assert "vehicle 1 collides; it and all behind it are not simulated any further" in out
+    time = json.loads(ok("run", folder / "scenario.toml", "--json", *(x for c in changes for x in ("--set", c))))
+    when = time["vehicles"][1]["collision_time"]
+    assert f"vehicle 1 collides at {when:.4g} s; it and all behind it are not simulated any further" in out
+    assert "known until [s]" in out
+    assert time["known_until"] == [10.0, when, when]
+    # what is left of a run that breaks off is no growth
+    assert time["vehicles"][1]["speed_amplitude_ratio"] is None
+    assert time["vehicles"][2]["speed_amplitude_ratio"] is None
+
+
+def test_run_names_the_first_collision_in_time(tmp_path, ok):
+    """Vehicle 3 starts close to the one ahead and hits it before vehicle 1 hits the leader."""
+    weak = hw.Vehicle(hw.models.IDM(), limits=(-1.0, 1.0))
+    leader = hw.brake(mean=20, drop=20, hold=9, ramp=4)
+    scenario = hw.Scenario(leader, [weak] * 4, duration=20, gaps=[20, 30, 2, 40], speed_offsets={3: 3.0})
+    (tmp_path / "s.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    answer = json.loads(ok("run", tmp_path / "s.toml", "--json"))
+    first, later = (answer["vehicles"][n]["collision_time"] for n in (3, 1))
+    assert first < later
+    assert answer["notes"][0].startswith(
+        f"vehicle 3 collides at {first:.4g} s, then vehicle 1 at {later:.4g} s; it and"
+    )
+    assert answer["known_until"] == [20.0, later, later, first, first]
+
+
+def test_run_says_when_braking_is_beyond_any_car(tmp_path, ok):
+    scenario = hw.Scenario(hw.brake(mean=25, drop=25, hold=5, ramp=1), [hw.Vehicle(hw.models.IDM(T=0.5))], duration=15)
+    (tmp_path / "s.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    out = " ".join(ok("run", tmp_path / "s.toml").split())
+    assert "least accel. [m/s²]" in out
+    assert "unphysical: 2 vehicles brake harder than 10 m/s²" in out
+    calm = ok("run", tmp_path / "s.toml", "--set", "leader.ramp=10.0")
+    assert "unphysical" not in calm
+
+
+def test_run_measures_what_is_asked_for(folder, ok):
+    answer = json.loads(ok("run", folder / "scenario.toml", "--json", "--metrics", "ttc,tet(threshold=9),collisions"))
+    run = hw.simulate(hw.load(folder / "scenario.toml"))
+    for row in answer["vehicles"][1:]:
+        assert row["ttc"] == pytest.approx(float(hw.metrics.ttc(run)[row["vehicle"]]))
+        assert row["tet(threshold=9)"] == float(hw.metrics.tet(run, threshold=9)[row["vehicle"]])
+    assert answer["run"] == {"collisions": 0.0}
+    listed = {row["name"] for row in json.loads(ok("metrics", "--json"))}
+    assert {"ttc", "collisions", "peak_spacing_error", "fuel"} <= listed
+    assert "least time to collision" in ok("metrics")
 
 
 def test_run_json_is_clean_and_the_same_as_the_metrics(ok, folder):

@@ -14,6 +14,7 @@ from headway.cli.calibrate import calibrate
 from headway.cli.data import data_app
 from headway.cli.explore import explore
 from headway.cli.map import map_
+from headway.cli.metrics import metrics
 from headway.cli.models import check, models
 from headway.cli.paper import paper
 from headway.cli.replay import replay
@@ -40,6 +41,7 @@ app.command(map_, name="map")
 app.command(benchmark)
 app.command(paper)
 app.command(models)
+app.command(metrics)
 app.command(check)
 app.command(schema)
 app.command(data_app)

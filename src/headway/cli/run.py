@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +17,7 @@ from headway.version import __version__
 
 if TYPE_CHECKING:
     from headway.engine.run import Result
+    from headway.metrics.registry import Metric
     from headway.scenario.scenario import Scenario
 
 __all__ = ["check_target", "import_numba_without_blas", "read_scenario", "run", "schema"]
@@ -35,6 +37,7 @@ def run(
     out: Annotated[Path | None, Parameter(help="Write the trajectories to this NetCDF file.")] = None,
     csv: Annotated[Path | None, Parameter(help="Write the trajectories to this CSV file.")] = None,
     figure: Annotated[Path | None, Parameter(help="Draw speeds, errors, gaps and the time-space diagram.")] = None,
+    metrics: Annotated[str, Parameter(help="Columns, with commas between, e.g. ttc,tet(threshold=4).")] = "",
     json: Annotated[bool, Parameter(help="Print the table as JSON.")] = False,
     toml: Annotated[bool, Parameter(help="Print the scenario as it would be run, and do not run it.")] = False,
     list_: Annotated[bool, Parameter(name="--list", help="List the ready scenarios.")] = False,
@@ -54,14 +57,21 @@ def run(
     with show.working("simulating (the first run after installation compiles the engine)"):
         import_numba_without_blas()
         from headway.engine.simulate import solve
+        from headway.metrics.registry import chosen, split
+        from headway.metrics.sizes import DEFAULT
 
+        wanted = chosen(split(metrics) or None, DEFAULT)
         result = solve(description)
+    values, notes = _values(description, result, wanted)
     written = _write(description, result, out, csv, figure)
-    rows = _rows(description, result)
+    rows, said = _rows(description, values), _said(result, values, notes)
+    known_until = _known_until(description, result)
     if json:
-        show.print_json(_as_json(description, rows, written))
+        show.print_json(_as_json(description, rows, values, said, known_until, written))
         return
-    _print(description, rows)
+    _print(description, rows, wanted, values, known_until)
+    for line in said:
+        print(line)
     for path in written:
         print(f"wrote {path}")
 
@@ -142,52 +152,105 @@ def _write(scenario: Scenario, result: Result, out: Path | None, csv: Path | Non
     return written
 
 
+#: headings of the columns that are shown if nothing is asked for
 _COLUMNS = {
     "peak_spacing_error": "peak error [m]",
     "rms_spacing_error": "r.m.s. error [m]",
     "speed_amplitude": "speed amplitude [m/s]",
     "speed_amplitude_ratio": "ratio to the one ahead",
+    "least_acceleration": "least accel. [m/s²]",
     "least_gap": "least gap [m]",
     "collision_time": "collision [s]",
 }
 
 
-def _rows(scenario: Scenario, result: Result) -> list[dict[str, Any]]:
-    """One row a vehicle: what `headway.metrics.summary` gives, without waiting for xarray."""
-    from headway.engine.trajectories import variables
-    from headway.metrics.extremes import FROM_ZERO, amplitude_of, extreme_of, peak_of, rms_of
+def _values(scenario: Scenario, result: Result, metrics: Sequence[Metric]) -> tuple[dict[str, Any], list[str]]:
+    """Values by metric, (vehicle,) or one number, and what is to be said of them; without xarray if none needs it."""
+    from headway.engine.trajectories import limits, to_dataset, variables
+    from headway.metrics.reduction import of_run
 
-    found, time = variables(scenario, result), result.time
-    amplitude = amplitude_of(time, found["speed"], FROM_ZERO)
-    columns: dict[str, Any] = {
-        "peak_spacing_error": peak_of(time, found["spacing_error"]),
-        "rms_spacing_error": rms_of(time, found["spacing_error"]),
-        "speed_amplitude": amplitude,
-        "speed_amplitude_ratio": [float("nan")]
-        + [b / a if a > 1e-12 else float("nan") for a, b in pairwise(amplitude)],
-        "least_gap": extreme_of(time, found["gap"], -1.0, FROM_ZERO),
-        "collision_time": result.collision_time,
-    }
+    needs: dict[str, int] = {}
+    for metric in metrics:
+        if metric.reduced is not None and metric.reduced.signal:
+            needs[metric.reduced.signal] = needs.get(metric.reduced.signal, 0) | metric.reduced.mode
+    hit = result.collision_time
+    known = of_run(result.time, variables(scenario, result), needs, limits(scenario), hit)
+    dataset = to_dataset(scenario, result) if any(m.reduced is None for m in metrics) else None
+    values: dict[str, Any] = {}
+    notes = []
+    for metric in metrics:
+        if metric.reduced is None:
+            found = metric.of(dataset)
+            values[metric.name] = found.values.astype(float)
+            notes += [f"{metric.name}: {found.attrs['note']}"] if "note" in found.attrs else []
+        else:
+            signal = metric.reduced.signal
+            values[metric.name] = metric.reduced.make(known[signal]) if signal else hit
+    return values, notes
+
+
+def _rows(scenario: Scenario, values: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One row a vehicle."""
     names = ["leader", *(f.model.name for f in scenario.followers)]
-    return [{"vehicle": n, "model": m, **{c: float(v[n]) for c, v in columns.items()}} for n, m in enumerate(names)]
+    return [
+        {"vehicle": n, "model": m, **{c: float(v[n]) for c, v in values.items() if v.ndim}} for n, m in enumerate(names)
+    ]
 
 
-def _print(scenario: Scenario, rows: list[dict[str, Any]]) -> None:
-    hit = [row for row in rows if math.isfinite(row["collision_time"])]
-    columns = {k: v for k, v in _COLUMNS.items() if k != "collision_time" or hit}
-    lines = [(str(row["vehicle"]), row["model"], *(show.number(row[c]) for c in columns)) for row in rows]
+def _known_until(scenario: Scenario, result: Result) -> list[float]:
+    """Until when [s] each vehicle is known: the end, or a collision of it or further ahead."""
+    times = (t if math.isfinite(t) else scenario.end for t in result.collision_time.tolist())
+    return list(accumulate(times, min))
+
+
+def _said(result: Result, values: Mapping[str, Any], notes: list[str]) -> list[str]:
+    """What a reader of the table has to know: who collides first, what cannot be, what has no value."""
+    from headway.metrics.sizes import braking_note
+
+    said = []
+    hits = sorted((float(t), n) for n, t in enumerate(result.collision_time) if math.isfinite(t))
+    if hits:
+        first = f"vehicle {hits[0][1]} collides at {hits[0][0]:.4g} s"
+        more = "".join(f", then vehicle {n} at {t:.4g} s" for t, n in hits[1:4]) + (", …" if len(hits) > 4 else "")
+        end = "it and all behind it are not simulated any further, and their rows tell of the time before"
+        said.append(f"{first}{more}; {end}")
+    if "least_acceleration" in values:
+        said += filter(None, [braking_note(values["least_acceleration"])])
+    return said + notes
+
+
+def _print(
+    scenario: Scenario, rows: list[dict[str, Any]], metrics: Sequence[Metric], values: Mapping[str, Any],
+    known_until: list[float],
+) -> None:  # fmt: skip
+    broken = min(known_until) < scenario.end
+    shown = [m for m in metrics if values[m.name].ndim and (broken or m.name != "collision_time")]
+    heads = [_COLUMNS.get(m.name, f"{m.name.replace('_', ' ')}" + f" [{m.unit}]" * (m.unit != "1")) for m in shown]
+    lines = [[str(row["vehicle"]), row["model"], *(show.number(row[m.name]) for m in shown)] for row in rows]
+    if broken:
+        heads.append("known until [s]")
+        for line, time in zip(lines, known_until, strict=True):
+            line.append(show.number(time))
     title = f"{scenario.name or scenario.leader.kind + ' leader'}: {len(rows) - 1} followers, {scenario.end:g} s"
-    show.table(title, ("vehicle", "model", *columns.values()), lines, left=2)
-    if hit:
-        print(f"vehicle {hit[0]['vehicle']} collides; it and all behind it are not simulated any further")
+    show.table(title, ("vehicle", "model", *heads), lines, left=2)
+    for metric in metrics:
+        if not values[metric.name].ndim:
+            unit = "" if metric.unit == "1" else f" {metric.unit}"
+            print(f"{metric.long_name}: {show.number(float(values[metric.name]))}{unit}")
 
 
-def _as_json(scenario: Scenario, rows: list[dict[str, Any]], written: list[Path]) -> dict[str, Any]:
+def _as_json(
+    scenario: Scenario, rows: list[dict[str, Any]], values: Mapping[str, Any], said: list[str],
+    known_until: list[float], written: list[Path],
+) -> dict[str, Any]:  # fmt: skip
     return {
         "name": scenario.name,
         "duration": scenario.end,
         "scenario_hash": scenario.hash,
         "headway_version": __version__,
         "vehicles": rows,
+        "run": {name: float(v) for name, v in values.items() if not v.ndim},
+        "known_until": known_until,
+        "notes": said,
         "written": [str(p) for p in written],
     }

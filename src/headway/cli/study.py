@@ -37,7 +37,9 @@ def study(
     model: Annotated[
         list[str] | None, Parameter(help="Allow a law from a file, e.g. my.py:soft; this runs the file.")
     ] = None,
-    metrics: Annotated[str, Parameter(help="Names with commas between, e.g. peak_spacing_error,speed_amplitude.")] = "",
+    metrics: Annotated[
+        str, Parameter(help="With commas between, e.g. ttc,tet(threshold=4); see headway metrics.")
+    ] = "",
     executor: Annotated[str, Parameter(help="serial, threads, processes or dask://host:port.")] = "threads",
     shard: Annotated[str, Parameter(help="Do one part only, e.g. 3/16, into a store that all parts share.")] = "",
     store: Annotated[Path | None, Parameter(help="Write to this Zarr store, piece by piece.")] = None,
@@ -61,6 +63,7 @@ def _study(
     store: Path | None, resume: bool, out: Path | None, figure: Path | None, theory: bool, json: bool,
 ) -> int:  # fmt: skip
     from headway.cli.run import check_target
+    from headway.metrics.registry import split
     from headway.models.own import load_laws
     from headway.scenario.files import override, read_table
     from headway.study.files import study_from_table
@@ -80,7 +83,7 @@ def _study(
             found = chosen.stability(executor, progress=progress)
         else:
             found = chosen.run(
-                [m.strip() for m in metrics.split(",")] if metrics else None,
+                split(metrics) or None,
                 executor, shard=part, store=store, resume=resume or bool(part), progress=progress,
             )  # fmt: skip
     seconds = time.perf_counter() - begin

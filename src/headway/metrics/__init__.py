@@ -13,6 +13,7 @@ from headway.metrics.growth import (
     phase_lag,
     time_lag,
 )
+from headway.metrics.registry import METRICS, Metric
 from headway.metrics.safety import (
     collided,
     collisions,
@@ -31,7 +32,8 @@ from headway.metrics.sizes import amplitude, amplitude_ratio, least, peak, rms, 
 from headway.metrics.spacing import least_time_gap, steady_error, throughput, time_gap
 
 __all__ = [
-    "RoadLoad", "amplitude", "amplitude_growth", "amplitude_ratio", "collided", "collisions", "combustion_energy",
+    "METRICS", "Metric", "RoadLoad",
+    "amplitude", "amplitude_growth", "amplitude_ratio", "collided", "collisions", "combustion_energy",
     "cpi", "describing_function", "drac", "electric_energy", "fuel", "fundamental", "harmonic_distortion", "jerk",
     "jerk_share", "kamal", "l2_ratio", "least", "least_gap", "least_time_gap", "linf_ratio", "logarithmic_decrement",
     "mdrac", "overshoot", "peak", "peak_jerk", "phase_lag", "picud", "rms", "rms_acceleration", "rms_jerk",

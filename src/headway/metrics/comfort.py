@@ -14,6 +14,8 @@ import numpy as np
 from headway.errors import HeadwayError
 from headway.metrics.dataset import Array, Signals, positive
 from headway.metrics.extremes import peak_of, rms_of
+from headway.metrics.reduction import FORMS, SQUARE
+from headway.metrics.registry import Reduced, metric
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,24 +23,50 @@ if TYPE_CHECKING:
 __all__ = ["jerk", "jerk_share", "peak_jerk", "rms_acceleration", "rms_jerk"]
 
 
+@metric(
+    "m/s³",
+    "jerk",
+    formula="da/dt, central differences",
+    says="over time",
+    per="time",
+)
 def jerk(dataset: xr.Dataset) -> xr.DataArray:
     """Jerk [m/s³], (vehicle, time), positive as the acceleration rises; NaN beside and after a collision."""
     signals, values = _jerk(dataset, "jerk")
-    return signals.series(values, "m/s³", "jerk")
+    return signals.series(values)
 
 
+@metric(
+    "m/s³",
+    "r.m.s. of jerk",
+    formula="sqrt(mean jerk²)",
+    says="how rough the ride is",
+)
 def rms_jerk(dataset: xr.Dataset) -> xr.DataArray:
     """Root of the mean square jerk over time [m/s³] >= 0, until a collision."""
     signals, values = _jerk(dataset, "rms_jerk")
-    return signals.result(rms_of(signals.time, values), "m/s³", "r.m.s. of jerk")
+    return signals.result(rms_of(signals.time, values))
 
 
+@metric(
+    "m/s³",
+    "peak of jerk",
+    formula="max |jerk|",
+    says="the roughest moment",
+)
 def peak_jerk(dataset: xr.Dataset) -> xr.DataArray:
     """Largest magnitude of jerk [m/s³] >= 0, refined between samples, until a collision."""
     signals, values = _jerk(dataset, "peak_jerk")
-    return signals.result(peak_of(signals.time, values), "m/s³", "peak of jerk")
+    return signals.result(peak_of(signals.time, values))
 
 
+@metric(
+    "1",
+    "share of time with jerk beyond {limit:g} m/s³",
+    formula="share of time with |jerk| > 2 m/s³",
+    says="how often it is felt",
+    threshold="2 m/s³",
+)
 def jerk_share(dataset: xr.Dataset, limit: float = 2.0) -> xr.DataArray:
     """Share of the time [1], 0 to 1, in which |jerk| > `limit` [m/s³]; crossings are found between samples."""
     signals, values = _jerk(dataset, "jerk_share")
@@ -50,9 +78,16 @@ def jerk_share(dataset: xr.Dataset, limit: float = 2.0) -> xr.DataArray:
         beyond += (step * _part_above(sign * values - limit)).sum(axis=-1)
     total = (known * step).sum(axis=-1)
     share = np.divide(beyond, total, out=np.full_like(beyond, np.nan), where=total > 0)
-    return signals.result(share, "1", f"share of time with jerk beyond {limit:g} m/s³")
+    return signals.result(share)
 
 
+@metric(
+    "m/s²",
+    "r.m.s. of acceleration, unweighted",
+    formula="sqrt(mean a²), unweighted",
+    reduced=Reduced("acceleration", SQUARE, FORMS["rms_{}"].make),
+    says="how lively it is; the weighting of ISO 2631 needs the motion of a vehicle body up to 80 Hz",
+)
 def rms_acceleration(dataset: xr.Dataset) -> xr.DataArray:
     """Root of the mean square acceleration over time [m/s²] >= 0, unweighted, until a collision.
 
@@ -60,8 +95,7 @@ def rms_acceleration(dataset: xr.Dataset) -> xr.DataArray:
     which car following does not describe.
     """
     signals = Signals(dataset, "rms_acceleration", "acceleration")
-    values = rms_of(signals.time, signals["acceleration"])
-    return signals.result(values, "m/s²", "r.m.s. of acceleration, unweighted")
+    return signals.result(rms_of(signals.time, signals["acceleration"]))
 
 
 def _jerk(dataset: xr.Dataset, measure: str) -> tuple[Signals, Array]:

@@ -14,15 +14,35 @@ from numpy.typing import NDArray
 
 from headway.errors import HeadwayError, unknown_name
 from headway.metrics.extremes import FREE, FROM_ZERO, Bounds
-from headway.schema import VARIABLES
+from headway.schema import VARIABLES, describe
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Array", "Reference", "Signals", "bounds", "checked", "meaning", "positive"]
+__all__ = ["Array", "Reference", "Signals", "bounds", "checked", "meaning", "positive", "trajectories", "unit_of"]
 
 Array = NDArray[np.float64]
 Reference = Literal["predecessor", "leader"]
+
+
+def trajectories(value: Any, place: str) -> xr.Dataset:
+    """The dataset of a run, or that of a `Recording`; `HeadwayError` for anything else.
+
+    A recording gets what follows from its gaps: the spacing error, and no time of collision.
+    """
+    import xarray as xr
+
+    from headway.data.recording import Recording
+
+    if isinstance(value, xr.Dataset):
+        return value
+    if isinstance(value, Recording):
+        data = value.to_dataset()
+        data["spacing_error"] = data["gap"] - data["gap"].isel(time=0, drop=True)
+        data["collision_time"] = ("vehicle", np.full(value.vehicles, np.nan))
+        return describe(data)
+    kind = "an array of one variable" if isinstance(value, xr.DataArray) else f"a {type(value).__name__}"
+    raise HeadwayError(f"{place} needs the dataset of a run (hw.simulate, hw.open_results) or a Recording, not {kind}")
 
 
 class Signals:
@@ -119,17 +139,17 @@ class Signals:
         known = np.isfinite(values).reshape(-1, values.shape[-1]).any(axis=0)
         return int(np.argmax(known))
 
-    def result(self, values: Any, unit: str, long_name: str) -> xr.DataArray:
-        """`values` (…, vehicle) with the dimensions, coordinates and order of the dataset."""
-        return self._named(self._ordered.isel(time=0, drop=True).copy(data=values), unit, long_name)
+    def result(self, values: Any, note: str = "") -> xr.DataArray:
+        """`values` (…, vehicle) with dimensions, coordinates and order of the dataset; `note` says why some lack."""
+        return self._named(self._ordered.isel(time=0, drop=True).copy(data=values), note)
 
-    def series(self, values: Array, unit: str, long_name: str) -> xr.DataArray:
+    def series(self, values: Array) -> xr.DataArray:
         """`values` (…, vehicle, time) likewise."""
-        return self._named(self._ordered.copy(data=values), unit, long_name)
+        return self._named(self._ordered.copy(data=values), "")
 
-    def _named(self, array: xr.DataArray, unit: str, long_name: str) -> xr.DataArray:
+    def _named(self, array: xr.DataArray, note: str) -> xr.DataArray:
         array = array.transpose(*(d for d in self._like.dims if d in array.dims)).rename(self.measure)
-        array.attrs = {"units": unit, "long_name": long_name}
+        array.attrs = {"note": note} if note else {}
         return array
 
 
@@ -147,10 +167,15 @@ def bounds(like: xr.DataArray, name: str) -> Bounds:
     return low, high
 
 
+def unit_of(dataset: xr.Dataset, name: str) -> str:
+    """Unit of a variable of `dataset`."""
+    return str(dataset[name].attrs.get("units", "1")) if name in dataset else "1"
+
+
 def meaning(dataset: xr.Dataset, name: str) -> str:
     """What a variable of `dataset` means, in words."""
     known = VARIABLES[name].long_name if name in VARIABLES else name
-    return str(dataset[name].attrs.get("long_name", known))
+    return str(dataset[name].attrs.get("long_name", known)) if name in dataset else known
 
 
 def positive(measure: str, **values: float) -> None:

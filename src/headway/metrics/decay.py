@@ -8,8 +8,9 @@ import numpy as np
 
 from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
-from headway.metrics.dataset import Array, Reference, Signals, checked, meaning, positive
+from headway.metrics.dataset import Array, Reference, Signals, checked, positive
 from headway.metrics.extremes import extreme_of, peak_of, refined
+from headway.metrics.registry import metric
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,6 +21,14 @@ __all__ = ["l2_ratio", "linf_ratio", "logarithmic_decrement", "overshoot", "sett
 _SAME = 1e-9
 
 
+@metric(
+    "1",
+    "logarithmic decrement of {signal}",
+    formula="−2 × slope of ln of successive swings, from the largest down to 2 % of it",
+    says="damping of what remains after a disturbance: ξ = δ/√(4π² + δ²); NaN where nothing oscillates",
+    threshold="< 0 grows",
+    whose="least",
+)
 def logarithmic_decrement(
     dataset: xr.Dataset, signal: str = "spacing_error", after: float | None = None, floor: float = 0.02
 ) -> xr.DataArray:
@@ -42,10 +51,16 @@ def logarithmic_decrement(
     found = np.full(rows.shape[0], np.nan)
     for i in np.flatnonzero(whole):
         found[i] = _decrement(_extremes(signals.time, rows[i], end[i]), floor)
-    decrement = found.reshape(values.shape[:-1])
-    return signals.result(decrement, "1", f"logarithmic decrement of {meaning(dataset, signal)}")
+    return signals.result(found.reshape(values.shape[:-1]))
 
 
+@metric(
+    "s",
+    "settling time of {signal}",
+    formula="from the end of the disturbance until the signal stays within ± 5 % of its largest deviation "
+    "around its last value",
+    says="how long the disturbance is felt; NaN if not settled",
+)
 def settling_time(
     dataset: xr.Dataset, signal: str = "spacing_error", after: float | None = None, band: float = 0.05
 ) -> xr.DataArray:
@@ -71,9 +86,16 @@ def settling_time(
     settled = np.where(outside.any(axis=-1), np.maximum(crossing - end, 0.0), 0.0)
     late = crossing > time[-1] - 0.1 * (time[-1] - time[0])
     bad = ~np.isfinite(values).all(axis=-1) | (outside.any(axis=-1) & late)
-    return signals.result(np.where(bad, np.nan, settled), "s", f"settling time of {meaning(dataset, signal)}")
+    return signals.result(np.where(bad, np.nan, settled))
 
 
+@metric(
+    "1",
+    "overshoot of {signal} over the leader's range",
+    formula="how far a car leaves the leader's range of speeds, over that range",
+    says="whether a car goes faster or slower than the leader ever did",
+    threshold="0: never",
+)
 def overshoot(dataset: xr.Dataset, signal: str = "speed") -> xr.DataArray:
     """How far [1] >= 0 each vehicle's `signal` leaves the leader's range, as a share of that range.
 
@@ -88,9 +110,16 @@ def overshoot(dataset: xr.Dataset, signal: str = "speed") -> xr.DataArray:
     if not np.isfinite(span).any():
         raise HeadwayError(f"overshoot: the leader's {signal!r} does not change; there is nothing to overshoot")
     beyond = np.maximum(np.maximum(high - top, bottom - low), 0.0)
-    return signals.result(beyond / span, "1", f"overshoot of {meaning(dataset, signal)} over the leader's range")
+    return signals.result(beyond / span)
 
 
+@metric(
+    "1",
+    "L2 norm of the deviation of {signal} over the {to}'s",
+    formula="ratio of `sqrt(∫ (v − v(0))² dt)` to the predecessor, or the leader",
+    says="energy of a disturbance of any shape",
+    threshold="> 1 grows",
+)
 def l2_ratio(
     dataset: xr.Dataset, signal: str = "speed", to: Reference = "predecessor", about: float | None = None
 ) -> xr.DataArray:
@@ -104,6 +133,13 @@ def l2_ratio(
     return _norm_ratio(dataset, "l2_ratio", signal, to, about)
 
 
+@metric(
+    "1",
+    "L∞ norm of the deviation of {signal} over the {to}'s",
+    formula="ratio of `max |v − v(0)|`",
+    says="its peak",
+    threshold="> 1 grows",
+)
 def linf_ratio(
     dataset: xr.Dataset, signal: str = "speed", to: Reference = "predecessor", about: float | None = None
 ) -> xr.DataArray:
@@ -132,8 +168,7 @@ def _norm_ratio(dataset: xr.Dataset, measure: str, signal: str, to: str, about: 
     ahead = signals.reference(away.swapaxes(-1, -2), to).swapaxes(-1, -2)
     compared = norm(np.where(np.isfinite(away), ahead, np.nan), [signals.reference(b, to) for b in reach])
     ratio = own / np.where(compared > _SAME, compared, np.nan)
-    name = "L2" if measure == "l2_ratio" else "L∞"
-    return signals.result(ratio, "1", f"{name} norm of the deviation of {meaning(dataset, signal)} over the {to}'s")
+    return signals.result(ratio)
 
 
 def _end_of_disturbance(dataset: xr.Dataset, signals: Signals, after: float | None) -> Array:

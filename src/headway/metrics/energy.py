@@ -7,7 +7,7 @@ which an end is not known (after a collision) are left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from headway.errors import HeadwayError, unknown_name
 from headway.metrics.dataset import Array, Signals, checked
+from headway.metrics.registry import metric
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,6 +23,19 @@ if TYPE_CHECKING:
 __all__ = ["RoadLoad", "combustion_energy", "electric_energy", "fuel", "kamal"]
 
 Per = Literal["run", "distance", "leader"]
+
+#: how far the distance of `per = "distance"` is [m], by the unit of what is spent
+_FAR = {"MJ": (1e5, "MJ/100 km"), "mL": (1e3, "mL/km")}
+
+
+def _unit(spent: str) -> Callable[[Mapping[str, Any]], str]:
+    """The unit of what is spent `per` a run, a distance, or of what the leader spends."""
+    return lambda given: {"run": spent, "distance": _FAR[spent][1]}.get(given["per"], "1")
+
+
+def _meaning(what: str) -> Callable[[Mapping[str, Any]], str]:
+    compared = {"distance": ", over distance", "leader": ", over that of the leader"}
+    return lambda given: what.format(**given) + compared.get(given["per"], "")
 
 
 @dataclass(frozen=True)
@@ -53,6 +67,13 @@ class RoadLoad:
         return inertia + drag + self.mass * self.gravity * self.rolling
 
 
+@metric(
+    _unit("MJ"),
+    _meaning("energy at the wheels, fuel cut"),
+    formula="∫ max(F, 0) v dt",
+    says="energy at the wheels, fuel cut while F < 0",
+    whose="mean",
+)
 def combustion_energy(dataset: xr.Dataset, load: RoadLoad | None = None, per: Per = "run") -> xr.DataArray:
     """Energy at the wheels `∫ max(F, 0) v dt` >= 0 of a vehicle whose fuel is cut while F < 0.
 
@@ -60,9 +81,16 @@ def combustion_energy(dataset: xr.Dataset, load: RoadLoad | None = None, per: Pe
     `leader` [1], the ratio to what the leader needs while the vehicle is known. NaN where there is
     no distance, or where the leader needs nothing. The efficiency of the engine is not in it.
     """
-    return _total(dataset, "combustion_energy", _propulsion(load, 0.0), per, "MJ", "energy at the wheels, fuel cut")
+    return _total(dataset, "combustion_energy", _propulsion(load, 0.0), per, "MJ")
 
 
+@metric(
+    _unit("MJ"),
+    _meaning("energy at the wheels, {regeneration:.0%} of braking recovered"),
+    formula="∫ (max(F, 0) + 0.6 min(F, 0)) v dt",
+    says="the same with 60 % of braking recovered",
+    whose="mean",
+)
 def electric_energy(
     dataset: xr.Dataset, load: RoadLoad | None = None, per: Per = "run", regeneration: float = 0.6
 ) -> xr.DataArray:
@@ -73,13 +101,21 @@ def electric_energy(
     """
     if not 0 <= checked("electric_energy", "regeneration", regeneration) <= 1:
         raise HeadwayError(f"electric_energy: regeneration = {regeneration:g} is not a share from 0 to 1")
-    meant = f"energy at the wheels, {regeneration:.0%} of braking recovered"
-    return _total(dataset, "electric_energy", _propulsion(load, regeneration), per, "MJ", meant)
+    return _total(dataset, "electric_energy", _propulsion(load, regeneration), per, "MJ")
 
 
+@metric(
+    _unit("mL"),
+    _meaning("fuel"),
+    formula="∫ `kamal`(v, a) dt, the rate 0.1569 + 0.0245 v − 7.415e-4 v² + 5.975e-5 v³ "
+    "+ max(a, 0)(0.07224 + 0.09681 v + 1.075e-3 v²) mL/s",
+    says="fuel of a passenger car; no fuel cut",
+    source="Kamal et al. 2011",
+    whose="mean",
+)
 def fuel(dataset: xr.Dataset, per: Per = "run") -> xr.DataArray:
     """Fuel by Kamal's polynomial, see `kamal`: per `run` [mL], `distance` [mL/km] or `leader` [1]; >= 0."""
-    return _total(dataset, "fuel", kamal, per, "mL", "fuel")
+    return _total(dataset, "fuel", kamal, per, "mL")
 
 
 def kamal(speed: Any, acceleration: Any) -> Any:
@@ -103,12 +139,8 @@ def _propulsion(load: RoadLoad | None, regeneration: float) -> Callable[[Array, 
     return megawatts
 
 
-#: how far the distance of `per = "distance"` is [m], by the unit of what is spent
-_FAR = {"MJ": (1e5, "MJ/100 km"), "mL": (1e3, "mL/km")}
-
-
 def _total(
-    dataset: xr.Dataset, measure: str, rate: Callable[[Array, Array], Array], per: str, unit: str, meant: str
+    dataset: xr.Dataset, measure: str, rate: Callable[[Array, Array], Array], per: str, unit: str
 ) -> xr.DataArray:
     if per not in get_args(Per):
         raise unknown_name(f"{measure}: per", per, get_args(Per))
@@ -123,12 +155,11 @@ def _total(
 
     own = total(spent)
     if per == "run":
-        return signals.result(own, unit, meant)
+        return signals.result(own)
     if per == "distance":
-        far, unit = _FAR[unit]
-        compared, place = total(v * step) / far, "distance"
+        compared = total(v * step) / _FAR[unit][0]
     else:
         ahead = signals.reference(spent.swapaxes(-1, -2), "leader").swapaxes(-1, -2)
-        compared, unit, place = total(ahead), "1", "that of the leader"
+        compared = total(ahead)
     ratio = np.divide(own, compared, out=np.full_like(own, np.nan), where=compared > 0)
-    return signals.result(ratio, unit, f"{meant}, over {place}")
+    return signals.result(ratio)

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
-from headway.metrics.dataset import Array, Reference, Signals, meaning, positive
+from headway.metrics.dataset import Array, Reference, Signals, meaning, positive, trajectories, unit_of
+from headway.metrics.registry import metric
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,8 +37,25 @@ Window = tuple[float, float]
 _HARMONICS = 10
 #: amplitudes below this share of the signal's size are rounding
 _NOTHING = 1e-11
+#: what is no oscillation (r.m.s.) may be this share of the fundamental; less than this in the signal's unit is nothing
+_UNSTEADY, _ROUNDING = 0.5, 1e-9
+#: slower than this [m/s] a vehicle stands
+_STANDSTILL = 1e-9
+#: why a vehicle has no steady oscillation
+_FLAWS = {
+    1: "not known throughout (a collision)",
+    2: "standing still for a time",
+    3: "not swinging steadily (the record is too short, or what is left of a fit is large)",
+}
 
 
+@metric(
+    "signal",
+    "fundamental of {signal}",
+    formula="C_1",
+    says="amplitude and phase at the forcing frequency, as a complex number",
+    per="phasor",
+)
 def fundamental(
     dataset: xr.Dataset, signal: str = "speed", omega: float | None = None, window: Window | None = None
 ) -> xr.DataArray:
@@ -50,10 +68,16 @@ def fundamental(
     follower is known throughout the window.
     """
     fit = _fit(dataset, "fundamental", signal, omega, window)
-    unit = str(dataset[signal].attrs.get("units", "1"))
-    return fit.signals.result(fit.parts[0], unit, f"fundamental of {meaning(dataset, signal)}")
+    return fit.signals.result(fit.parts[0])
 
 
+@metric(
+    "1",
+    "amplitude of {signal} over that of the {to}",
+    formula="|C_1| over that of the predecessor, or of the leader",
+    says="whether the disturbance grows from car to car at this frequency",
+    threshold="> 1 grows",
+)
 def amplitude_growth(
     dataset: xr.Dataset,
     signal: str = "speed",
@@ -70,9 +94,15 @@ def amplitude_growth(
     fit = _fit(dataset, "amplitude_growth", signal, omega, window)
     c = fit.oscillating(signal)
     ratio = np.abs(c) / np.abs(fit.signals.reference(c, to))
-    return fit.signals.result(ratio, "1", f"amplitude of {meaning(dataset, signal)} over that of the {to}")
+    return fit.signals.result(ratio, fit.note())
 
 
+@metric(
+    "rad",
+    "phase lag of {signal} to the {to}",
+    formula="angle of C_1 behind the predecessor's, in −π/2 … 3π/2; to the leader: summed down the string",
+    says="how far a car trails the wave",
+)
 def phase_lag(
     dataset: xr.Dataset,
     signal: str = "speed",
@@ -87,9 +117,15 @@ def phase_lag(
     unwraps down the string. Otherwise as `amplitude_growth`.
     """
     fit = _fit(dataset, "phase_lag", signal, omega, window)
-    return fit.signals.result(_lags(fit, signal, to), "rad", f"phase lag of {meaning(dataset, signal)} to the {to}")
+    return fit.signals.result(_lags(fit, signal, to), fit.note())
 
 
+@metric(
+    "s",
+    "time lag of {signal} to the {to}",
+    formula="phase lag / ω",
+    says="the same as a time",
+)
 def time_lag(
     dataset: xr.Dataset,
     signal: str = "speed",
@@ -99,10 +135,16 @@ def time_lag(
 ) -> xr.DataArray:
     """`phase_lag` as a time [s]: the angle over ω."""
     fit = _fit(dataset, "time_lag", signal, omega, window)
-    seconds = _lags(fit, signal, to) / fit.omega
-    return fit.signals.result(seconds, "s", f"time lag of {meaning(dataset, signal)} to the {to}")
+    return fit.signals.result(_lags(fit, signal, to) / fit.omega, fit.note())
 
 
+@metric(
+    "1",
+    "harmonic distortion of {signal}",
+    formula="`sqrt(Σ_{k≥2} |C_k|²) / |C_1|`",
+    says="how nonlinear the answer is",
+    threshold="0 for a linear law behind a sine",
+)
 def harmonic_distortion(
     dataset: xr.Dataset, signal: str = "speed", omega: float | None = None, window: Window | None = None
 ) -> xr.DataArray:
@@ -114,7 +156,7 @@ def harmonic_distortion(
     fit = _fit(dataset, "harmonic_distortion", signal, omega, window)
     overtones = np.sqrt(np.sum(np.abs(fit.parts[1:]) ** 2, axis=0))
     ratio = overtones / np.abs(fit.oscillating(signal))
-    return fit.signals.result(ratio, "1", f"harmonic distortion of {meaning(dataset, signal)}")
+    return fit.signals.result(ratio, fit.note())
 
 
 def describing_function(
@@ -132,13 +174,16 @@ def describing_function(
     """
     import xarray as xr
 
-    if isinstance(runs, xr.Dataset):
+    if not isinstance(runs, Sequence):
+        runs = trajectories(runs, "describing_function")
         fit = _fit(runs, "describing_function", signal, omega, window)
         c = fit.oscillating(signal)
         ahead = np.abs(fit.signals.reference(c, to))
-        gain = fit.signals.result(np.abs(c) / ahead, "1", f"gain of {meaning(runs, signal)} to the {to}")
-        unit = str(runs[signal].attrs.get("units", "1"))
-        return gain.assign_coords(input_amplitude=fit.signals.result(ahead, unit, f"amplitude of the {to}"))
+        gain = fit.signals.result(np.abs(c) / ahead, fit.note())
+        gain.attrs = {"units": "1", "long_name": f"gain of {meaning(runs, signal)} to the {to}", **gain.attrs}
+        size = fit.signals.result(ahead)
+        size.attrs = {"units": unit_of(runs, signal), "long_name": f"amplitude of the {to}"}
+        return gain.assign_coords(input_amplitude=size)
     if not len(runs):
         raise HeadwayError("describing_function needs at least one run")
     parts = [describing_function(run, signal, omega, window, to) for run in runs]
@@ -149,7 +194,10 @@ def describing_function(
 
 @dataclass(frozen=True)
 class _Fit:
-    """Complex amplitudes `parts` (K, …, vehicle) of the harmonics of ω, and the size (…, vehicle) of the signal."""
+    """Complex amplitudes `parts` (K, …, vehicle) of the harmonics of ω, and the size (…, vehicle) of the signal.
+
+    `flaw` (…, vehicle) is why a vehicle has no steady oscillation, a number of `_FLAWS`; 0 if it has one.
+    """
 
     signals: Signals
     omega: float
@@ -157,17 +205,28 @@ class _Fit:
     end: float
     parts: NDArray[np.complex128]
     size: Array
+    flaw: NDArray[np.int64]
+
+    def note(self) -> str:
+        """Which vehicles have no value and why, in words; empty if there is none."""
+        said = []
+        for number, why in _FLAWS.items():
+            which = self.signals.vehicle[(self.flaw == number).reshape(-1, self.flaw.shape[-1]).any(axis=0)]
+            if which.size:
+                said.append(f"{_listed(which.tolist())} {why}")
+        return f"no steady oscillation from {self.start:g} to {self.end:g} s: {'; '.join(said)}" if said else ""
 
     def oscillating(self, name: str) -> NDArray[np.complex128]:
         """The fundamental, NaN where it is nothing but rounding; `HeadwayError` if it is that for the first vehicle."""
         c = np.where(np.abs(self.parts[0]) > _NOTHING * self.size, self.parts[0], np.nan)
         first = Signals.first(self.parts[0])
+        flawed = np.where(self.flaw == 0, c, np.nan)
         if not np.isfinite(c[..., first]).any():
             raise HeadwayError(
                 f"{self.signals.measure}: {name!r} of vehicle {self.signals.vehicle[first]} has an amplitude of zero "
                 f"at {self.omega:g} rad/s from {self.start:g} to {self.end:g} s; nothing to compare with"
             )
-        return c
+        return flawed
 
 
 def _fit(dataset: xr.Dataset, measure: str, signal: str, omega: float | None, window: Window | None) -> _Fit:
@@ -177,12 +236,39 @@ def _fit(dataset: xr.Dataset, measure: str, signal: str, omega: float | None, wi
     start, end = _whole_periods(signals, omega, window)
     part = signals.within((start, end))
     time, rows = signals.time[part], np.ascontiguousarray(signals[signal][..., part])
-    weights = _weights(time, omega, _order(measure, time, omega, end - start))
+    weights, columns = _weights(time, omega, _order(measure, time, omega, end - start))
     # row by row and sum by sum: a signal among many has the bits of one alone
     found = [(rows * w).sum(axis=-1) for w in weights]
-    parts = np.array([a - 1j * b for a, b in zip(found[::2], found[1::2], strict=True)])
+    parts = np.array([a - 1j * b for a, b in zip(found[2::2], found[3::2], strict=True)])
     signals.known(np.isfinite(parts[0]), signal, start, end)
-    return _Fit(signals, omega, start, end, parts, np.abs(rows).max(axis=-1))
+    rest = rows.copy()
+    for share, column in zip(found, columns, strict=True):
+        rest -= share[..., None] * column
+    flaw = _flaws(dataset, signals, part, np.sqrt((rest * rest).mean(axis=-1)), np.abs(parts[0]))
+    return _Fit(signals, omega, start, end, parts, np.abs(rows).max(axis=-1), flaw)
+
+
+def _flaws(dataset: xr.Dataset, signals: Signals, part: slice, rest: Array, amplitude: Array) -> NDArray[np.int64]:
+    """Why each vehicle (…, vehicle) has no steady oscillation, by number of `_FLAWS`."""
+    flaw = np.where(np.isfinite(amplitude), 0, 1)
+    # the leader is as it is: only what follows it may fail to oscillate
+    follows = signals.vehicle != 0
+    flaw[(rest > _UNSTEADY * amplitude) & (rest > _ROUNDING) & follows & (flaw == 0)] = 3
+    if "speed" in dataset:
+        speed = Signals(dataset, signals.measure, "speed")["speed"][..., part]
+        flaw[np.broadcast_to((np.abs(speed) <= _STANDSTILL).any(axis=-1) & follows, flaw.shape) & (flaw != 1)] = 2
+    if signals.first(np.where(flaw == 1, np.nan, 1.0)) == 1:  # what a leader has not
+        flaw[..., 0] = 0
+    return flaw
+
+
+def _listed(numbers: list[int]) -> str:
+    """`vehicle 3`, `vehicles 1, 2, 3`, `vehicles 3 to 9`."""
+    if len(numbers) == 1:
+        return f"vehicle {numbers[0]}"
+    if len(numbers) > 3 and numbers[-1] - numbers[0] == len(numbers) - 1:
+        return f"vehicles {numbers[0]} to {numbers[-1]}"
+    return f"vehicles {', '.join(map(str, numbers))}"
 
 
 def _forcing(dataset: xr.Dataset, measure: str) -> float:
@@ -227,8 +313,11 @@ def _order(measure: str, time: Array, omega: float, length: float) -> int:
     return min(_HARMONICS, math.floor((count + 1e-9 - 3) / 2))
 
 
-def _weights(time: Array, omega: float, order: int) -> Array:
-    """Rows (2 order, T): what each sample adds to the cosine and the sine part of each harmonic."""
+def _weights(time: Array, omega: float, order: int) -> tuple[Array, Array]:
+    """Rows (2 + 2 order, T): what each sample adds to constant, trend, and cosine and sine of each harmonic.
+
+    And these functions of time themselves, likewise.
+    """
     span = time[-1] - time[0]
     columns = [np.ones_like(time), (time - time[0]) / span - 0.5]
     for k in range(1, order + 1):
@@ -236,7 +325,7 @@ def _weights(time: Array, omega: float, order: int) -> Array:
     rows = np.array(columns)
     weighted = rows * trapezoid(time)
     # over whole periods the columns are nearly orthogonal: normal equations lose nothing
-    return np.linalg.solve(weighted @ rows.T, weighted)[2:]
+    return np.linalg.solve(weighted @ rows.T, weighted), rows
 
 
 def _lags(fit: _Fit, signal: str, to: str) -> Array:

@@ -1,141 +1,88 @@
-"""The metrics of a study: which signals each needs and what it makes of their extremes.
+"""Extremes of signals as plain arrays, and what metrics are made of them: with or without trajectories.
 
-Names are those of `headway.metrics`, whose values these are to the last bit: `peak_`, `rms_`, `least_` and
-`largest_` before a signal, `_amplitude` and `_amplitude_ratio` after it, and `collision_time`.
+A study keeps highest and least values and mean squares of signals while the kernel runs; the command line and
+`Study` points of their own have the arrays of a run; `headway.metrics` has datasets. All meet in `Extremes`,
+from which each form makes its metric, to the same last bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine.measured import ABOUT_GAPS, EXTREMES, QUANTITIES, SQUARE, Reduction
-from headway.errors import HeadwayError, shorten, unknown_name
+from headway.engine.measured import ABOUT_GAPS, EXTREMES, SQUARE, Reduction
 from headway.metrics.extremes import FREE, FROM_ZERO, Bounds, extreme_of, refined, rms_of
-from headway.schema import VARIABLES
+from headway.metrics.registry import Extremes, Whose
 
-__all__ = ["COLLISION", "DEFAULT", "Extremes", "Measure", "Own", "chosen", "from_batches", "from_trajectories"]
+__all__ = ["FORMS", "Form", "amplitude_ratio", "closest", "extremes", "from_batches", "of_run", "within"]
 
 Array = NDArray[np.float64]
 
-COLLISION = "collision_time"
-
-#: what is kept of each point if nothing is asked for: what `headway.metrics.summary` gives
-DEFAULT = (
-    "peak_spacing_error", "rms_spacing_error", "speed_amplitude", "speed_amplitude_ratio", "least_gap", COLLISION,
-)  # fmt: skip
+#: amplitudes below this are nothing to compare with, in the unit of the signal
+_NOTHING = 1e-12
 
 
-class Extremes(NamedTuple):
-    """What is known of one signal: arrays (vehicle, …) of its highest and least value and its mean square's root."""
+class Form(NamedTuple):
+    """A metric of any signal: what is kept for it, how it is made, its meaning, and the follower that speaks."""
 
-    highest: Array
-    least: Array
-    rms: Array
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A metric that is made of extremes of one signal."""
-
-    name: str
-    signal: str
     mode: int
     make: Callable[[Extremes], Array]
-    unit: str
-    long_name: str
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _named, (self.name,)
+    meaning: str
+    whose: Whose
 
 
-def _named(name: str) -> Measure:
-    """The built-in metric of this name, as another process finds it."""
-    return _BUILT_IN[name]
-
-
-@dataclass(frozen=True)
-class Own:
-    """A metric of one's own: a function of the trajectories of a point."""
-
-    name: str
-    function: Callable[[Any], Any]
-
-
-def _ratio(e: Extremes) -> Array:
+def amplitude_ratio(e: Extremes) -> Array:
+    """Amplitude over that of the vehicle ahead; NaN for the leader, behind a steady vehicle, and in a broken run."""
     own = 0.5 * (e.highest - e.least)
     ratio = np.full_like(own, np.nan)
     with np.errstate(all="ignore"):
-        ratio[1:] = own[1:] / np.where(own[:-1] > 1e-12, own[:-1], np.nan)
-    return ratio
+        ratio[1:] = own[1:] / np.where(own[:-1] > _NOTHING, own[:-1], np.nan)
+    return np.where(e.whole, ratio, np.nan)
 
 
-_FORMS: dict[str, tuple[int, Callable[[Extremes], Array], str]] = {
-    "peak_{}": (EXTREMES, lambda e: np.fmax(np.abs(e.highest), np.abs(e.least)), "peak of {}"),
-    "rms_{}": (SQUARE, lambda e: e.rms, "r.m.s. of {}"),
-    "least_{}": (EXTREMES, lambda e: e.least, "least {}"),
-    "largest_{}": (EXTREMES, lambda e: e.highest, "largest {}"),
-    "{}_amplitude": (EXTREMES, lambda e: 0.5 * (e.highest - e.least), "amplitude of {}"),
-    "{}_amplitude_ratio": (EXTREMES, _ratio, "amplitude of {} over that of the vehicle ahead"),
+def closest(e: Extremes) -> Array:
+    """Least gap: 0 for a pair that collided."""
+    return np.where(np.isfinite(e.collision), 0.0, np.maximum(e.least, 0.0))
+
+
+#: name of a metric, where the braces stand for the signal → what it is
+FORMS: dict[str, Form] = {
+    "peak_{}": Form(EXTREMES, lambda e: np.fmax(np.abs(e.highest), np.abs(e.least)), "peak of {}", "largest"),
+    "rms_{}": Form(SQUARE, lambda e: e.rms, "r.m.s. of {}", "largest"),
+    "least_{}": Form(EXTREMES, lambda e: e.least, "least {}", "least"),
+    "largest_{}": Form(EXTREMES, lambda e: e.highest, "largest {}", "largest"),
+    "{}_amplitude": Form(EXTREMES, lambda e: 0.5 * (e.highest - e.least), "amplitude of {}", "largest"),
+    "{}_amplitude_ratio": Form(EXTREMES, amplitude_ratio, "amplitude of {} over that of the vehicle ahead", "largest"),
 }
 
 
-def _built_in() -> dict[str, Measure]:
-    found = {}
-    for signal in QUANTITIES:
-        variable = VARIABLES[signal]
-        for form, (mode, make, what) in _FORMS.items():
-            unit = "1" if form.endswith("ratio") else variable.unit
-            name = form.format(signal)
-            found[name] = Measure(name, signal, mode, make, unit, what.format(variable.long_name))
-    return found
-
-
-_BUILT_IN = _built_in()
-
-
-def chosen(metrics: Iterable[Any] | None) -> tuple[Measure | Own | str, ...]:
-    """The metrics asked for: names, or functions of a dataset of trajectories; `HeadwayError` for others."""
-    if isinstance(metrics, str):
-        metrics = (metrics,)
-    found: list[Measure | Own | str] = []
-    for metric in DEFAULT if metrics is None else metrics:
-        if callable(metric):
-            found.append(Own(getattr(metric, "__name__", "own"), metric))
-        elif metric == COLLISION:
-            found.append(COLLISION)
-        elif metric in _BUILT_IN:
-            found.append(_BUILT_IN[metric])
-        elif isinstance(metric, str):
-            raise unknown_name("metric", metric, [*_BUILT_IN, COLLISION])
-        else:
-            raise HeadwayError(f"metric {shorten(metric)} is neither a name nor a function of trajectories")
-    names = [m if isinstance(m, str) else m.name for m in found]
-    for name in names:
-        if names.count(name) > 1:
-            raise HeadwayError(f"metrics: {name} is given twice")
-    return tuple(found)
-
-
-def _within(signal: str, limits: Bounds) -> Bounds:
+def within(signal: str, limits: Bounds = FREE) -> Bounds:
+    """Least and largest value that a signal can have; `limits` are those of accelerations."""
     return {"acceleration": limits, "speed": FROM_ZERO, "gap": FROM_ZERO}.get(signal, FREE)
+
+
+def extremes(time: Array, values: Array, mode: int, bounds: Bounds, collision: Any = np.nan) -> Extremes:
+    """Extremes (vehicle, …) of one signal (vehicle, …, time)."""
+    none = np.full(values.shape[:-1], np.nan)
+    high, low = (extreme_of(time, values, s, bounds) for s in (1.0, -1.0)) if mode & EXTREMES else (none, none)
+    square = rms_of(time, values) if mode & SQUARE else none
+    return Extremes(high, low, square, collision, np.isfinite(values[..., -1]))
 
 
 def from_batches(time: Array, batches: list[dict[str, Reduction]], limits: Bounds) -> dict[str, Extremes]:
     """Extremes (vehicle, lane) of batches of one structure, side by side; `limits` (vehicle, lane) of accelerations."""
     found = {}
     for signal in batches[0]:
-        parts = [batch[signal] for batch in batches]
+        parts: list[Reduction] = [batch[signal] for batch in batches]
         best = np.concatenate([p.best for p in parts], axis=2)
         place = np.concatenate([p.place for p in parts], axis=2)
         around = np.concatenate([p.around for p in parts], axis=3)
         front = 1 if signal in ABOUT_GAPS else 0  # the leader has none
         high, low = np.full(best.shape, np.nan)
-        least, most = _within(signal, limits)
+        least, most = within(signal, limits)
         for found_side, side, bound in ((high, 0, most), (low, 1, np.negative(least))):
             of = (side, slice(front, None))
             far = np.broadcast_to(bound, best.shape[1:])[front:].ravel()
@@ -146,15 +93,8 @@ def from_batches(time: Array, batches: list[dict[str, Reduction]], limits: Bound
     return found
 
 
-def from_trajectories(
-    time: Array, variables: Mapping[str, Array], needs: Mapping[str, int], limits: Bounds
+def of_run(
+    time: Array, variables: Mapping[str, Array], needs: Mapping[str, int], limits: Bounds, collision: Any
 ) -> dict[str, Extremes]:
-    """The same (vehicle,) of the trajectories (vehicle, time) of one run."""
-    found = {}
-    for signal, mode in needs.items():
-        values = variables[signal]
-        none = np.full(values.shape[0], np.nan)
-        within = _within(signal, limits)
-        high, low = (extreme_of(time, values, s, within) for s in (1.0, -1.0)) if mode & EXTREMES else (none, none)
-        found[signal] = Extremes(high, low, rms_of(time, values) if mode & SQUARE else none)
-    return found
+    """Extremes (vehicle,) of the signals in `needs` from the trajectories (vehicle, time) of one run."""
+    return {s: extremes(time, variables[s], mode, within(s, limits), collision) for s, mode in needs.items()}

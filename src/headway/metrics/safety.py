@@ -21,6 +21,8 @@ from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
 from headway.metrics.dataset import Array, Signals, positive
 from headway.metrics.extremes import extreme_of
+from headway.metrics.reduction import EXTREMES, closest
+from headway.metrics.registry import Reduced, metric
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,43 +33,90 @@ __all__ = [
 ]  # fmt: skip
 
 
+@metric(
+    "1",
+    "collided with the vehicle ahead",
+    formula="s ≤ 0",
+    says="which vehicles hit the one ahead",
+    threshold="0",
+)
 def collided(dataset: xr.Dataset) -> xr.DataArray:
     """Whether each vehicle hit the one ahead (true or false); `collision_time` of the dataset says when."""
     pair = _pairs(dataset, "collided")
-    return pair.signals.result(pair.hit, "1", "collided with the vehicle ahead")
+    return pair.signals.result(pair.hit)
 
 
+@metric(
+    "1",
+    "number of collisions",
+    formula="number of s ≤ 0",
+    says="how many",
+    threshold="0",
+    per="run",
+)
 def collisions(dataset: xr.Dataset) -> xr.DataArray:
     """Number of collisions in the platoon, without the dimension vehicle."""
-    found = collided(dataset).sum("vehicle").rename("collisions")
-    return found.assign_attrs(units="1", long_name="number of collisions")
+    return collided(dataset).sum("vehicle", keep_attrs=False)
 
 
+@metric(
+    "m",
+    "least gap",
+    formula="min s",
+    says="how close",
+    whose="least",
+    reduced=Reduced("gap", EXTREMES, closest),
+)
 def least_gap(dataset: xr.Dataset) -> xr.DataArray:
     """Least gap [m] >= 0 over time; 0 for a pair that collided."""
     pair = _pairs(dataset, "least_gap")
     least = np.maximum(extreme_of(pair.time, pair.gap, -1.0), 0.0)
-    return pair.signals.result(np.where(pair.hit, 0.0, least), "m", "least gap")
+    return pair.signals.result(np.where(pair.hit, 0.0, least))
 
 
+@metric(
+    "s",
+    "time to collision",
+    formula="s / closing, if closing",
+    says="over time; infinite if not closing",
+    source="Hayward 1972",
+    per="time",
+)
 def time_to_collision(dataset: xr.Dataset) -> xr.DataArray:
-    """TTC = s / closing speed [s] > 0, (vehicle, time): infinite unless closing (Hayward 1972)."""
+    """TTC = s / closing speed [s] > 0, (vehicle, time): infinite unless closing within an hour (Hayward 1972)."""
     pair = _pairs(dataset, "time_to_collision")
-    closing = pair.closing > 0
+    closing = pair.closing * _NEVER > pair.gap
     found = np.divide(pair.gap, pair.closing, out=np.full_like(pair.gap, np.inf), where=closing)
-    return pair.signals.series(np.where(pair.known, found, np.nan), "s", "time to collision")
+    return pair.signals.series(np.where(pair.known, found, np.nan))
 
 
+@metric(
+    "s",
+    "least time to collision",
+    formula="min s / closing",
+    says="time left if nobody reacts; infinite if it never closes",
+    threshold="1.5 severe, 3–4 cautious",
+    source="Hayward 1972; Minderhoud, Bovy 2001",
+    whose="least",
+)
 def ttc(dataset: xr.Dataset) -> xr.DataArray:
     """Least time to collision [s] >= 0 over time: below 1.5 s severe, below 3 to 4 s calls for caution.
 
-    Infinite if the gap never closes, 0 if it closed altogether. The highest 1/TTC is refined
+    Infinite if the gap would take more than an hour to close, 0 if it closed altogether. The highest 1/TTC is refined
     between samples, which is smooth where TTC is not (Hayward 1972; Minderhoud and Bovy 2001).
     """
     pair = _pairs(dataset, "ttc")
-    return pair.signals.result(_least_ttc(pair), "s", "least time to collision")
+    return pair.signals.result(_least_ttc(pair))
 
 
+@metric(
+    "s",
+    "time with TTC below {threshold:g} s",
+    formula="time with TTC < 3 s",
+    says="how long the danger lasts",
+    threshold="TTC* = 3 s",
+    source="Minderhoud, Bovy 2001",
+)
 def tet(dataset: xr.Dataset, threshold: float = 3.0) -> xr.DataArray:
     """Time exposed TET [s] >= 0: how long TTC is below `threshold` [s] (Minderhoud and Bovy 2001).
 
@@ -75,9 +124,17 @@ def tet(dataset: xr.Dataset, threshold: float = 3.0) -> xr.DataArray:
     """
     pair = _pairs(dataset, "tet")
     width, _ = _exposure(pair, threshold)
-    return pair.result(width, "s", f"time with TTC below {threshold:g} s")
+    return pair.result(width)
 
 
+@metric(
+    "s²",
+    "integral of TTC below {threshold:g} s",
+    formula="∫ max(3 s − TTC, 0) dt",
+    says="how long and how deep",
+    threshold="TTC* = 3 s",
+    source="Minderhoud, Bovy 2001",
+)
 def tit(dataset: xr.Dataset, threshold: float = 3.0) -> xr.DataArray:
     """Time integrated TIT = ∫ max(TTC* - TTC, 0) dt [s²] >= 0, TTC* = `threshold` [s] (Minderhoud and Bovy 2001).
 
@@ -85,9 +142,17 @@ def tit(dataset: xr.Dataset, threshold: float = 3.0) -> xr.DataArray:
     """
     pair = _pairs(dataset, "tit")
     _, area = _exposure(pair, threshold)
-    return pair.result(area, "s²", f"integral of TTC below {threshold:g} s")
+    return pair.result(area)
 
 
+@metric(
+    "m/s²",
+    "largest deceleration to avoid a collision",
+    formula="max closing² / (2 s)",
+    says="braking needed at once",
+    threshold="3.35",
+    source="Cooper, Ferguson 1976",
+)
 def drac(dataset: xr.Dataset) -> xr.DataArray:
     """Largest deceleration rate to avoid a collision, `dv²/(2s)` while closing [m/s²] >= 0; above 3.35 is critical.
 
@@ -95,9 +160,16 @@ def drac(dataset: xr.Dataset) -> xr.DataArray:
     """
     pair = _pairs(dataset, "drac")
     most = np.maximum(extreme_of(pair.time, _needed(pair), 1.0), 0.0)
-    return pair.signals.result(np.where(pair.hit, np.inf, most), "m/s²", "largest deceleration to avoid a collision")
+    return pair.signals.result(np.where(pair.hit, np.inf, most))
 
 
+@metric(
+    "m/s²",
+    "largest deceleration to avoid a collision after {reaction:g} s",
+    formula="max closing / (2 (TTC − R)), R = 1 s",
+    says="braking needed after a reaction; infinite if it would come too late",
+    threshold="3.4",
+)
 def mdrac(dataset: xr.Dataset, reaction: float = 1.0) -> xr.DataArray:
     """Largest DRAC after a reaction time R, `closing / (2 (TTC - R))` [m/s²] >= 0; above 3.4 is critical.
 
@@ -111,10 +183,18 @@ def mdrac(dataset: xr.Dataset, reaction: float = 1.0) -> xr.DataArray:
         rate = pair.closing * np.abs(pair.closing) / (2.0 * left)
     most = np.maximum(extreme_of(pair.time, np.where(left > 0, rate, np.nan), 1.0), 0.0)
     late = _least_ttc(pair) <= reaction
-    meant = f"largest deceleration to avoid a collision after {reaction:g} s"
-    return pair.result(np.where(late, np.inf, most), "m/s²", meant)
+    return pair.result(np.where(late, np.inf, most))
 
 
+@metric(
+    "m",
+    "least gap left after urgent braking (PICUD)",
+    formula="min (v_l² − v²)/(2b) + s − v R, b = 3.3 m/s², R = 1 s",
+    says="the gap left if the leader brakes hard",
+    threshold="< 0",
+    source="Uno et al. 2002",
+    whose="least",
+)
 def picud(dataset: xr.Dataset, deceleration: float = 3.3, reaction: float = 1.0) -> xr.DataArray:
     """Least PICUD = (v_l² - v²)/(2b) + s - v R [m]: gap left if the leader brakes with b and the follower R later.
 
@@ -126,9 +206,16 @@ def picud(dataset: xr.Dataset, deceleration: float = 3.3, reaction: float = 1.0)
     v = pair.signals["speed"]
     ahead = v - pair.closing
     left = (ahead * ahead - v * v) / (2.0 * deceleration) + pair.gap - v * reaction
-    return pair.signals.result(extreme_of(pair.time, left, -1.0), "m", "least gap left after urgent braking (PICUD)")
+    return pair.signals.result(extreme_of(pair.time, left, -1.0))
 
 
+@metric(
+    "1",
+    "crash potential index",
+    formula="mean over time of P(MADR ≤ DRAC), MADR ~ N(8.45, 1.4²) on [4.23, 12.68] m/s²",
+    says="how likely the braking needed exceeds what the car can do",
+    source="Cunto, Saccomanno 2008",
+)
 def cpi(
     dataset: xr.Dataset, mean: float = 8.45, deviation: float = 1.4, limits: tuple[float, float] = (4.23, 12.68)
 ) -> xr.DataArray:
@@ -149,9 +236,18 @@ def cpi(
     weight = pair.known * trapezoid(pair.time)
     with np.errstate(all="ignore"):
         share = (np.where(pair.known, chance, 0.0) * weight).sum(axis=-1) / weight.sum(axis=-1)
-    return pair.result(share, "1", "crash potential index")
+    return pair.result(share)
 
 
+@metric(
+    "m",
+    "least margin to the RSS distance",
+    formula="min s − [v ρ + ρ² a/2 + (v + ρ a)²/(2b) − v_l²/(2 b_l)]₊, ρ = 1 s, a = 3.5, b = 4, b_l = 8 m/s²",
+    says="the gap beyond the distance of Responsibility-Sensitive Safety",
+    threshold="< 0 unsafe",
+    source="Shalev-Shwartz, Shammah, Shashua 2017",
+    whose="least",
+)
 def rss_margin(
     dataset: xr.Dataset,
     response: float = 1.0,
@@ -173,7 +269,11 @@ def rss_margin(
     top = v + response * acceleration
     reach = v * response + 0.5 * acceleration * response**2 + top * top / (2.0 * brake)
     safe = np.maximum(reach - ahead * ahead / (2.0 * leader_brake), 0.0)
-    return pair.signals.result(extreme_of(pair.time, pair.gap - safe, -1.0), "m", "least margin to the RSS distance")
+    return pair.signals.result(extreme_of(pair.time, pair.gap - safe, -1.0))
+
+
+#: a gap that needs longer than this [s] to close does not close: what is left of its rate is rounding
+_NEVER = 3600.0
 
 
 class _Pairs(NamedTuple):
@@ -186,10 +286,10 @@ class _Pairs(NamedTuple):
     known: NDArray[np.bool_]
     hit: NDArray[np.bool_]
 
-    def result(self, values: Array, unit: str, long_name: str) -> xr.DataArray:
+    def result(self, values: Array) -> xr.DataArray:
         """As `Signals.result`, NaN where nothing is known of the pair."""
         there = self.known.any(axis=-1) | self.hit
-        return self.signals.result(np.where(there, values, np.nan), unit, long_name)
+        return self.signals.result(np.where(there, values, np.nan))
 
 
 def _pairs(dataset: xr.Dataset, measure: str, *more: str) -> _Pairs:
@@ -198,7 +298,7 @@ def _pairs(dataset: xr.Dataset, measure: str, *more: str) -> _Pairs:
     touched = np.logical_or.accumulate(gap <= 0, axis=-1)
     hit = touched.any(axis=-1)
     if "collision_time" in dataset:
-        when = dataset["collision_time"].broadcast_like(signals.result(hit, "", "")).transpose(..., "vehicle")
+        when = dataset["collision_time"].broadcast_like(signals.result(hit)).transpose(..., "vehicle")
         inside = (when.values >= time[0]) & (when.values <= time[-1])
         hit = hit | inside
         touched |= (inside[..., None]) & (time >= when.values[..., None])
@@ -217,7 +317,7 @@ def _needed(pair: _Pairs) -> Array:
 def _least_ttc(pair: _Pairs) -> Array:
     most = extreme_of(pair.time, pair.closing / pair.gap, 1.0)
     with np.errstate(divide="ignore"):
-        least = np.where(most > 0, 1.0 / most, np.where(np.isnan(most), np.nan, np.inf))
+        least = np.where(most * _NEVER > 1.0, 1.0 / most, np.where(np.isnan(most), np.nan, np.inf))
     return np.where(pair.hit, 0.0, least)
 
 

@@ -1,91 +1,157 @@
 """The size of any variable over time: peak, root mean square, amplitude, least; and a summary of a run.
 
 DataArray in, DataArray out, any extra dimensions kept. Extremes are refined between samples, see
-`headway.metrics.extremes`.
+`headway.metrics.extremes`. Of the signals that a study can keep without their trajectories, each size is a
+metric by name, such as `peak_spacing_error`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+import functools
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from headway.errors import HeadwayError
-from headway.metrics.dataset import bounds
-from headway.metrics.extremes import Array, Bounds, amplitude_of, extreme_of, peak_of, rms_of
+from headway.engine.measured import QUANTITIES
+from headway.errors import HeadwayError, shorten
+from headway.metrics.dataset import Array, bounds, trajectories
+from headway.metrics.reduction import FORMS, extremes
+from headway.metrics.registry import METRICS, Metric, Reduced, register
+from headway.schema import VARIABLES
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["amplitude", "amplitude_ratio", "least", "peak", "rms", "summary"]
+__all__ = [
+    "COLLISION", "DEFAULT", "UNPHYSICAL", "amplitude", "amplitude_ratio", "braking_note", "least", "peak", "rms",
+    "summary",
+]  # fmt: skip
+
+COLLISION = "collision_time"
+
+#: what is measured of a run if nothing is asked for
+DEFAULT = (
+    "peak_spacing_error", "rms_spacing_error", "speed_amplitude", "speed_amplitude_ratio", "least_gap",
+    "least_acceleration", COLLISION,
+)  # fmt: skip
+
+#: decelerations [m/s²] above this are beyond the brakes and tyres of any car on the road
+UNPHYSICAL = 10.0
 
 
 def peak(values: xr.DataArray) -> xr.DataArray:
     """Largest magnitude over time, in the unit of `values`; NaN samples are left out."""
-    return _over_time(values, peak_of, "peak of")
+    return _over_time(values, "peak_{}")
 
 
 def rms(values: xr.DataArray) -> xr.DataArray:
     """Root of the mean square over time (trapezoid rule), in the unit of `values`; NaN samples are left out."""
-    return _over_time(values, lambda time, v, _: rms_of(time, v), "r.m.s. of")
+    return _over_time(values, "rms_{}")
 
 
 def amplitude(values: xr.DataArray) -> xr.DataArray:
     """Half the range over time, in the unit of `values`."""
-    return _over_time(values, amplitude_of, "amplitude of")
+    return _over_time(values, "{}_amplitude")
 
 
 def least(values: xr.DataArray) -> xr.DataArray:
     """Least value over time, in the unit of `values`."""
-    return _over_time(values, lambda time, v, within: extreme_of(time, v, -1.0, within), "least")
+    return _over_time(values, "least_{}")
 
 
 def amplitude_ratio(values: xr.DataArray) -> xr.DataArray:
-    """Amplitude of each vehicle over that of the vehicle ahead; NaN for the leader and behind a steady vehicle."""
-    if "vehicle" not in values.dims:
-        raise HeadwayError(f"amplitude_ratio needs the dimension vehicle; this array has {_dims(values)}")
-    own = amplitude(values)
-    ahead = own.shift(vehicle=1)
-    meaning = f"amplitude of {_meaning(values)} over that of the vehicle ahead"
-    return (own / ahead.where(ahead > 1e-12)).assign_attrs(units="1", long_name=meaning)
+    """Amplitude of each vehicle over that of the vehicle ahead.
+
+    NaN for the leader, behind a steady vehicle, and for vehicles that are not known to the end (after a collision).
+    """
+    return _over_time(values, "{}_amplitude_ratio")
 
 
 def summary(dataset: xr.Dataset) -> xr.Dataset:
-    """Per vehicle: peak and r.m.s. spacing error [m], speed amplitude [m/s], its ratio to the vehicle ahead,
-    least gap [m], time of collision [s]."""
+    """The metrics of `headway run`, one value a vehicle.
+
+    Peak and r.m.s. spacing error [m], speed amplitude [m/s] and its ratio to the vehicle ahead, least acceleration
+    (the hardest braking) [m/s²], least gap [m], time of collision [s].
+    """
     import xarray as xr
 
-    for name in ("spacing_error", "speed", "gap", "collision_time"):
-        if name not in dataset:
-            raise HeadwayError(f"summary needs the variable {name!r}; this dataset has {', '.join(map(str, dataset))}")
-    return xr.Dataset(
-        {
-            "peak_spacing_error": peak(dataset.spacing_error),
-            "rms_spacing_error": rms(dataset.spacing_error),
-            "speed_amplitude": amplitude(dataset.speed),
-            "speed_amplitude_ratio": amplitude_ratio(dataset.speed),
-            "least_gap": least(dataset.gap),
-            "collision_time": dataset.collision_time,
-        }
+    data = trajectories(dataset, "summary")
+    return xr.Dataset({name: METRICS[name].of(data) for name in DEFAULT})
+
+
+def braking_note(least_acceleration: Any) -> str:
+    """A sentence if vehicles (vehicle,) brake harder than any car can, else an empty one."""
+    values = np.asarray(least_acceleration, dtype=float)
+    beyond = np.flatnonzero(values < -UNPHYSICAL)
+    if not beyond.size:
+        return ""
+    worst = int(np.nanargmin(values))
+    count = f"{beyond.size} vehicles brake" if beyond.size > 1 else f"vehicle {worst} brakes"
+    hardest = f", vehicle {worst} at {-values[worst]:.3g}" if beyond.size > 1 else f" (at {-values[worst]:.3g})"
+    return (
+        f"unphysical: {count} harder than {UNPHYSICAL:g} m/s²{hardest}, which no car can; "
+        f"what follows from it would not happen so, and limits of the vehicles would say what does"
     )
 
 
-def _over_time(values: xr.DataArray, measure: Callable[[Array, Array, Bounds], Array], what: str) -> xr.DataArray:
-    if "time" not in values.dims:
-        raise HeadwayError(f"a measure over time needs the dimension time; this array has {_dims(values)}")
-    ordered = values.transpose(..., "time")
+def _over_time(values: xr.DataArray, form: str) -> xr.DataArray:
+    import xarray as xr
+
+    name = form.format("").strip("_")
+    if not isinstance(values, xr.DataArray):
+        raise HeadwayError(
+            f"{name} needs one variable of a run, such as run.speed; {shorten(values, 40)} is a {type(values).__name__}"
+        )
+    needed = ("vehicle", "time") if form.endswith("ratio") else ("time",)
+    for dim in needed:
+        if dim not in values.dims:
+            dims = ", ".join(map(str, values.dims)) or "none"
+            raise HeadwayError(f"{name} needs the dimension {dim}; this array has {dims}")
+    return _sized(values, form)
+
+
+def _sized(values: xr.DataArray, form: str) -> xr.DataArray:
+    """The form of an array with the dimension time: vehicles first, as forms are made of them."""
+    entry = FORMS[form]
+    first = ["vehicle"] if "vehicle" in values.dims else []
+    ordered = values.transpose(*first, ..., "time")
     like = ordered.isel(time=0, drop=True)
-    within = bounds(like, str(values.name))
-    found = measure(np.asarray(ordered["time"].values, dtype=float), np.asarray(ordered.values, dtype=float), within)
-    result = like.copy(data=found)
-    result.attrs = {"units": values.attrs.get("units", "1"), "long_name": f"{what} {_meaning(values)}"}
+    time = np.asarray(ordered["time"].values, dtype=float)
+    array: Array = np.asarray(ordered.values, dtype=float)
+    made = entry.make(extremes(time, array, entry.mode, bounds(like, str(values.name))))
+    result = like.copy(data=made).transpose(*(d for d in values.dims if d != "time"))
+    said = str(values.attrs.get("long_name", values.name or "values"))
+    unit = "1" if form.endswith("ratio") else values.attrs.get("units", "1")
+    result.attrs = {"units": unit, "long_name": entry.meaning.format(said)}
     return result
 
 
-def _dims(values: xr.DataArray) -> str:
-    return ", ".join(map(str, values.dims)) or "none"
+def _of_signal(dataset: Any, signal: str, form: str) -> xr.DataArray:
+    name = form.format(signal)
+    return _sized(_variable(dataset, signal, name), form).rename(name)
 
 
-def _meaning(values: xr.DataArray) -> str:
-    return str(values.attrs.get("long_name", values.name or "values"))
+def _collision_time(dataset: Any) -> xr.DataArray:
+    return _variable(dataset, COLLISION, COLLISION)
+
+
+def _variable(dataset: Any, variable: str, metric: str) -> xr.DataArray:
+    data = trajectories(dataset, metric)
+    if variable not in data:
+        held = ", ".join(map(str, data)) or "none"
+        raise HeadwayError(f"{metric} needs the variable {variable!r}; this dataset has {held}")
+    return data[variable]
+
+
+for _signal in QUANTITIES:
+    for _name, _form in FORMS.items():
+        _variable_of = VARIABLES[_signal]
+        register(Metric(
+            _name.format(_signal), "1" if _name.endswith("ratio") else _variable_of.unit,
+            _form.meaning.format(_variable_of.long_name), functools.partial(_of_signal, signal=_signal, form=_name),
+            whose=_form.whose, reduced=Reduced(_signal, _form.mode, _form.make), family="Size",
+        ))  # fmt: skip
+register(Metric(
+    COLLISION, VARIABLES[COLLISION].unit, VARIABLES[COLLISION].long_name, _collision_time, whose="least",
+    reduced=Reduced("", 0, lambda e: e.collision), family="Size",
+))  # fmt: skip

@@ -8,8 +8,9 @@ import numpy as np
 
 from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
-from headway.metrics.dataset import Array, Signals, checked, meaning
+from headway.metrics.dataset import Array, Signals, checked
 from headway.metrics.extremes import FROM_ZERO, extreme_of
+from headway.metrics.registry import metric
 from headway.models import Model
 from headway.scenario.vehicle import Vehicle
 
@@ -19,6 +20,12 @@ if TYPE_CHECKING:
 __all__ = ["least_time_gap", "steady_error", "throughput", "time_gap"]
 
 
+@metric(
+    "signal",
+    "steady {signal}",
+    formula="mean over the last tenth of the record, or a `window`",
+    says="the error that stays",
+)
 def steady_error(
     dataset: xr.Dataset, signal: str = "spacing_error", window: tuple[float, float] | None = None
 ) -> xr.DataArray:
@@ -37,15 +44,30 @@ def steady_error(
         weight = np.ones_like(weight)
     mean = (values * weight).sum(axis=-1) / weight.sum()
     signals.known(np.isfinite(mean), signal, float(signals.time[part][0]), float(signals.time[part][-1]))
-    return signals.result(mean, str(dataset[signal].attrs.get("units", "m")), f"steady {meaning(dataset, signal)}")
+    return signals.result(mean)
 
 
+@metric(
+    "s",
+    "time gap",
+    formula="s / v",
+    says="over time; infinite at standstill",
+    per="time",
+)
 def time_gap(dataset: xr.Dataset) -> xr.DataArray:
     """Time gap `s/v` [s], (vehicle, time): infinite at standstill, NaN where there is no gap."""
     signals = Signals(dataset, "time_gap", "gap", "speed")
-    return signals.series(_time_gap(signals), "s", "time gap")
+    return signals.series(_time_gap(signals))
 
 
+@metric(
+    "s",
+    "least time gap",
+    formula="min s / v",
+    says="how close, in time",
+    threshold="< 1 critical",
+    whose="least",
+)
 def least_time_gap(dataset: xr.Dataset) -> xr.DataArray:
     """Least time gap [s] over time, refined between samples; below 1 s is critical.
 
@@ -57,7 +79,7 @@ def least_time_gap(dataset: xr.Dataset) -> xr.DataArray:
     known &= ~np.logical_or.accumulate(signals["gap"] <= 0, axis=-1)
     least = extreme_of(signals.time, np.where(known, gap, np.nan), -1.0, FROM_ZERO)
     least = np.where(known.any(axis=-1) & np.isnan(least), np.inf, least)
-    return signals.result(least, "s", "least time gap")
+    return signals.result(least)
 
 
 def _time_gap(signals: Signals) -> Array:

@@ -41,7 +41,12 @@ def assembled(
         told[i] = text
     meaning = "what became of the point: " + ", ".join(STATUS[:PENDING]) + ", or pending"
     variables["status"] = (dims, status, {"long_name": meaning})
-    variables["message"] = (dims, told.reshape(points.shape), {"long_name": "why a point is invalid or failed"})
+    why = "why a point is invalid or failed, or a metric has no value"
+    variables["message"] = (
+        dims,
+        told.reshape(points.shape),
+        {"long_name": why},
+    )
     coords: dict[str, Any] = {}
     for path, array in points.values.items():
         shown = array if array.dtype != object else np.array([_text(v) for v in array])

@@ -15,18 +15,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from headway.errors import HeadwayError, HeadwayWarning, shorten
-from headway.metrics.reduction import COLLISION, Measure, Own, chosen
+from headway.metrics.registry import Metric, chosen
+from headway.metrics.sizes import COLLISION, DEFAULT
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
-from headway.schema import VARIABLES
 from headway.study.axes import Design, Points, points
+from headway.study.blocks import own_value
 from headway.study.dataset import assembled
 from headway.study.executors import Task, workforce
 from headway.study.paths import Target, resolve
 from headway.study.store import Store
 from headway.study.templates import Table
 from headway.study.theory import VERDICTS, TheoryJob
-from headway.study.work import PENDING, Job, Worker, batch_size, own_value
+from headway.study.work import PENDING, Job, Worker, batch_size
 from headway.version import __version__
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ __all__ = ["Study", "open_study"]
 #: seconds of one core that a piece is to take, and those of one follower and step, about
 _PIECE_TIME, _STEP_TIME = 0.4, 7e-9
 
-#: most points of a piece, and of one whose trajectories are looked at
-_MOST, _MOST_OWN = 16_384, 64
+#: most points of a piece, of one whose trajectories are measured, and of one that is run point by point
+_MOST, _MOST_WHOLE, _MOST_OWN = 16_384, 2048, 64
 
 #: raised where stores are laid out or numbers are computed otherwise
 _FORMAT = 2
@@ -130,8 +131,8 @@ class Study:
     ) -> xr.Dataset:
         """Simulate all points; a dataset with the axes as dimensions (or `point`, for designs).
 
-        metrics: names such as `peak_spacing_error` or `speed_amplitude` (`headway.metrics.reduction`), or
-            functions of a dataset of trajectories; `DEFAULT` if None.
+        metrics: names such as `peak_spacing_error`, `ttc` or `tet(threshold=4)` (docs/metrics.md lists them all),
+            or functions of a dataset of trajectories; those of `headway run` if None.
         executor: `"serial"`, `"threads"`, `"processes"`, `"dask://host:port"`, a `distributed.Client` or
             any `concurrent.futures.Executor`. All give the same bits.
         shard: (i, n), do the i-th of n parts (from 1) of the pieces, into a shared `store`.
@@ -144,11 +145,11 @@ class Study:
         Each point has a `status` (ok, collision, invalid, failed, or pending) and a `message`. Raises
         `HeadwayError` for a store of another study, a disk that is full, an executor that cannot be had.
         """
-        wanted = chosen(metrics)
+        wanted = chosen(metrics, DEFAULT)
         job = self._job(wanted)
         if shard is not None:
             _check_shard(shard, store)
-        size = self._piece_size(bool(any(isinstance(m, Own) for m in wanted))) if chunk is None else _whole(chunk)
+        size = self._piece_size(wanted) if chunk is None else _whole(chunk)
         values, messages = self._perform(job, size, executor, shard, store, resume, progress)
         found = assembled(self.points, values, messages, _described(wanted), self._attrs())
         kept = list(keep)
@@ -217,13 +218,13 @@ class Study:
 
     # -- what it is ------------------------------------------------------------------------------
 
-    def _job(self, metrics: tuple[Measure | Own | str, ...]) -> Job:
+    def _job(self, metrics: tuple[Metric, ...]) -> Job:
         shapes = []
         for metric in metrics:
-            if isinstance(metric, Own):
-                shapes.append((metric.name, bool(getattr(own_value(metric, self._example), "dims", ()))))
-            else:
-                shapes.append((metric if isinstance(metric, str) else metric.name, True))
+            wide = metric.per == "vehicle"
+            if metric.own:
+                wide = bool(getattr(own_value(metric, self._example), "dims", ()))
+            shapes.append((metric.name, wide))
         return Job(
             self.scenario, tuple(self.types.items()), self._fields, metrics, tuple(shapes), 1 + self._most_followers()
         )
@@ -245,11 +246,13 @@ class Study:
                     most[int(target[1])] = max(values, default=1)
         return sum(most)
 
-    def _piece_size(self, own: bool) -> int:
+    def _piece_size(self, metrics: tuple[Metric, ...]) -> int:
         """Points of a piece, by time; it depends on the study alone."""
         scenario = self.scenario
         work = len(scenario.followers) * scenario.end / scenario.step * _STEP_TIME
-        most = min(_MOST_OWN if own else _MOST, max(1, int(_PIECE_TIME / work)))
+        alone = any(m.own for m in metrics)
+        most = _MOST if all(m.reduced is not None for m in metrics) else _MOST_OWN if alone else _MOST_WHOLE
+        most = min(most, max(1, int(_PIECE_TIME / work)))
         size = max(1, min(most, math.ceil(self.points.count / _PARTS)))
         batch = batch_size(scenario)
         return size if size < batch else -(-size // batch) * batch
@@ -270,7 +273,7 @@ class Study:
         """What a store says of its study; equal hashes give equal bits."""
         from headway.models.fingerprint import fingerprint
 
-        own = [fingerprint(m.function) for m in job.metrics if isinstance(m, Own)]
+        own = [fingerprint(m.function) for m in job.metrics if m.own]
         names = dict(job.shapes)
         text = json.dumps([_FORMAT, self.hash, names, own, __version__])
         return {
@@ -324,10 +327,9 @@ def _damage(store: Store, damaged: set[int]) -> str:
     return f"{store.path}: {len(damaged)} of {store.pieces} pieces damaged ({some})"
 
 
-def _described(metrics: Iterable[Measure | Own | str]) -> dict[str, tuple[str, str]]:
+def _described(metrics: Iterable[Metric]) -> dict[str, tuple[str, str]]:
     """Units and meanings by name."""
-    found = {m.name: (m.unit, m.long_name) for m in metrics if isinstance(m, Measure)}
-    return found | {COLLISION: (VARIABLES[COLLISION].unit, VARIABLES[COLLISION].long_name)}
+    return {m.name: (m.unit, m.long_name) for m in metrics if not m.own}
 
 
 def _empty(job: Job, count: int) -> dict[str, np.ndarray]:

@@ -6,6 +6,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,19 +14,22 @@ from numpy.typing import NDArray
 
 from headway.engine.measured import Measured
 from headway.engine.plan import Lanes, Plan
-from headway.engine.run import Prepared
+from headway.engine.run import Prepared, Run
 from headway.engine.simulate import solve
 from headway.engine.trajectories import limits, to_dataset, variables
 from headway.errors import HeadwayError
-from headway.metrics.reduction import COLLISION, Extremes, Measure, Own, from_batches, from_trajectories
+from headway.metrics.reduction import from_batches, of_run
+from headway.metrics.registry import Extremes, Metric
+from headway.metrics.sizes import COLLISION
 from headway.models import Law
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
+from headway.study.blocks import MOST_SAMPLES, alone, measured, own_value, stacked
 from headway.study.lanes import Fast, Kind, Pool, chosen_lanes, joined, lanes_of, out_of_bounds
 from headway.study.paths import ORDER, SHARE, Target, parameter_of
 from headway.study.templates import Table
 
-__all__ = ["COLLIDED", "FAILED", "INVALID", "OK", "STATUS", "Job", "Piece", "Worker", "own_value", "plain"]
+__all__ = ["COLLIDED", "FAILED", "INVALID", "OK", "STATUS", "Job", "Piece", "Worker", "plain"]
 
 Array = NDArray[np.float64]
 
@@ -47,7 +51,7 @@ class Job:
     scenario: Scenario
     types: tuple[tuple[str, Vehicle], ...]
     fields: tuple[tuple[str, tuple[Target, ...]], ...]  # path → fields
-    metrics: tuple[Measure | Own | str, ...]
+    metrics: tuple[Metric, ...]
     shapes: tuple[tuple[str, bool], ...]  # metric → whether it has a value for each vehicle
     vehicles: int  # most vehicles of a point, the leader included
 
@@ -79,9 +83,11 @@ class Worker:
         self.fast = {p for p, targets in job.fields if not free and _is_fast(targets, self.table.table, laws)}
         self.needs: dict[str, int] = {}
         for metric in job.metrics:
-            if isinstance(metric, Measure):
-                self.needs[metric.signal] = self.needs.get(metric.signal, 0) | metric.mode
-        self.own = [m for m in job.metrics if isinstance(m, Own)]
+            if metric.reduced is not None and metric.reduced.signal:
+                self.needs[metric.reduced.signal] = self.needs.get(metric.reduced.signal, 0) | metric.reduced.mode
+        #: those that need trajectories: of the registry, and of one's own, which get every run with all that is known
+        self.whole = [m for m in job.metrics if m.reduced is None and not m.own]
+        self.own = [m for m in job.metrics if m.own]
         self.kinds: OrderedDict[Any, Kind | str] = OrderedDict()
         self.lock, self.last = threading.Lock(), threading.local()
 
@@ -210,6 +216,8 @@ class Worker:
         if self.own:
             for i in points:
                 self._alone(columns, int(i), piece)
+        elif self.whole:
+            self._blocks(kinds, np.concatenate(which), points, together, columns, piece)
         else:
             self._batches(kinds, np.concatenate(which), points, together, columns, piece)
 
@@ -238,10 +246,45 @@ class Worker:
         within = np.vstack((-free, lanes.limits[0])), np.vstack((free, lanes.limits[1]))
         extremes = from_batches(time, found, within) if self.needs else {}
         for metric in self.job.metrics:
-            if isinstance(metric, Measure):
-                piece.values[metric.name][points[:, None], np.arange(vehicles)] = metric.make(extremes[metric.signal]).T
+            if metric.reduced is not None and metric.reduced.signal:
+                made = metric.reduced.make(extremes[metric.reduced.signal])
+                piece.values[metric.name][points[:, None], np.arange(vehicles)] = made.T
         for i in points[np.concatenate(alone)]:
             self._alone(columns, int(i), piece)
+
+    def _blocks(
+        self, kinds: list[Kind], which: NDArray[np.int64], points: NDArray[np.int64], lanes: Lanes,
+        columns: Mapping[str, np.ndarray], piece: Piece,
+    ) -> None:  # fmt: skip
+        """Lanes of one structure with their trajectories, as many at once as fit; a block has one leader."""
+        frame = self.pool.frame(kinds[0])
+        vehicles = lanes.gaps.shape[0] + 1
+        size = max(1, min(batch_size(frame.scenario), MOST_SAMPLES // (int(frame.mesh.record.sum()) * vehicles)))
+        breaks = [n for n in range(1, points.size) if kinds[which[n]].leader != kinds[which[n - 1]].leader]
+        for begin, end in pairwise([0, *breaks, points.size]):
+            for start in range(begin, end, size):
+                block = slice(start, min(start + size, end))
+                kind, some = kinds[which[start]], chosen_lanes(lanes, block)
+                scenario = kind.template.scenario
+                result = Run(Plan.of_lanes(frame, [scenario.motion], some), self.pool.steps(kind, True)).go()
+                disturbed = result.disturbed | ~np.isfinite(result.motion).all(axis=(0, 1, 2))
+                good = np.flatnonzero(~disturbed)
+                for i in points[block][disturbed]:
+                    self._alone(columns, int(i), piece)
+                if good.size:
+                    collision = np.full((vehicles, good.size), np.nan)
+                    runs = stacked(scenario, result.time, result.motion[..., good], collision, chosen_lanes(some, good))
+                    self._take(*measured(self.job.metrics, runs), points[block][good], piece)
+
+    def _take(
+        self, values: Mapping[str, Array], reasons: Mapping[int, str], points: NDArray[np.int64], piece: Piece
+    ) -> None:
+        for name, array in values.items():
+            if array.ndim > 1:
+                piece.values[name][points[:, None], np.arange(array.shape[1])] = array
+            else:
+                piece.values[name][points] = array
+        piece.messages.update({int(points[lane]): text for lane, text in reasons.items()})
 
     def _run(self, plan: Plan, prepared: Prepared) -> Measured:
         """A run of a plan, in the memory of this thread's last one where that fits."""
@@ -268,19 +311,24 @@ class Worker:
         try:
             result = solve(scenario)
             known = variables(scenario, result)
-            extremes: dict[str, Extremes] = from_trajectories(result.time, known, self.needs, limits(scenario))
-            dataset = to_dataset(scenario, result) if self.own else None
-            if np.isfinite(result.collision_time).any():
+            hit = result.collision_time
+            extremes: dict[str, Extremes] = of_run(result.time, known, self.needs, limits(scenario), hit)
+            dataset: Any = to_dataset(scenario, result) if self.own or self.whole else None
+            if np.isfinite(hit).any():
                 piece.status[i] = COLLIDED
             for metric in self.job.metrics:
-                if metric == COLLISION:
-                    piece.values[COLLISION][i, : result.collision_time.size] = result.collision_time
-                elif isinstance(metric, Measure):
-                    values = metric.make(extremes[metric.signal])
-                    piece.values[metric.name][i, : values.size] = values
-                elif isinstance(metric, Own):
+                if metric.name == COLLISION:
+                    values = hit
+                elif metric.reduced is not None:
+                    values = metric.reduced.make(extremes[metric.reduced.signal])
+                elif metric.own:
                     values = np.asarray(own_value(metric, dataset))
-                    piece.values[metric.name][(i, slice(values.size)) if values.ndim else i] = values
+                else:
+                    values, reason = alone(metric, dataset)
+                    if reason:
+                        piece.messages.setdefault(i, reason)
+                wide = piece.values[metric.name].ndim > 1
+                piece.values[metric.name][(i, slice(hit.size)) if wide else i] = values
         except HeadwayError as error:
             self._refuse(piece, i, str(error), FAILED)
         return None
@@ -289,20 +337,6 @@ class Worker:
 def batch_size(scenario: Scenario) -> int:
     """How many lanes are integrated side by side."""
     return max(1, _ELEMENTS[scenario.scheme] // len(scenario.followers))
-
-
-def own_value(metric: Own, dataset: Any) -> Any:
-    """What a metric of one's own makes of trajectories; `HeadwayError` if it cannot."""
-    try:
-        found = metric.function(dataset)
-        dims = tuple(getattr(found, "dims", ()))
-        if dims not in ((), ("vehicle",)):
-            raise HeadwayError(f"metric {metric.name} has the dimensions {dims}; allowed are vehicle, or none")
-        return found
-    except HeadwayError:
-        raise
-    except Exception as error:
-        raise HeadwayError(f"metric {metric.name} failed ({type(error).__name__}: {error})") from None
 
 
 def _is_fast(targets: tuple[Target, ...], table: Mapping[str, Any], laws: Mapping[str, Law]) -> bool:
