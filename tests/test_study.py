@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -12,9 +13,9 @@ from study_cases import mixed
 
 import headway as hw
 from headway.engine.simulate import simulate
-from headway.errors import HeadwayError
+from headway.errors import HeadwayError, HeadwayWarning
 from headway.metrics import summary
-from headway.models import FVDM, IDM, OVM
+from headway.models import CACC, FVDM, IDM, OVM
 from headway.scenario.disturbance import Brake, Sine
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
@@ -303,3 +304,112 @@ def test_a_wrong_type_is_called_by_its_own_place(tmp_path):
     )
     with pytest.raises(hw.HeadwayError, match=r"^types\.truck\.lag = -1"):
         hw.load_study(tmp_path / "s.toml")
+
+
+# -- delays ----------------------------------------------------------------------------------------
+
+LATE = [
+    ({"delay": [0.3]}, {"s": 0.3, "v": 0.3, "dv": 0.3, "a": 0.3}),
+    ({"radio_delay": [0.3]}, {"s": 0.1, "v": 0.1, "dv": 0.1, "a": 0.1, "vl": 0.3, "al": 0.3}),
+    ({"delay.al": [0.3]}, {"s": 0.1, "v": 0.1, "dv": 0.1, "a": 0.1, "al": 0.3}),
+    ({"radio_delay": [0.2], "delay": [0.3]}, {"s": 0.3, "v": 0.3, "dv": 0.3, "a": 0.3, "vl": 0.2, "al": 0.2}),
+    ({"delay.vl": [0.5], "radio_delay": [0.2], "delay": [0.0]}, {"vl": 0.5, "al": 0.2}),
+    ({"followers.0.radio_delay": [0.2], "delay": [{"al": 0.7, "s": 0.4}]}, {"s": 0.4, "vl": 0.2, "al": 0.2}),
+]
+
+
+@pytest.mark.parametrize(("axes", "late"), LATE)
+def test_delay_is_what_a_vehicle_calls_so_and_radio_delay_is_of_what_is_heard(axes, late):
+    """In any order of the axes, to the bits of a vehicle with these delays."""
+    law = CACC()
+    late = {name: seconds for name, seconds in late.items() if name in law.law.signals}
+    alone = summary(simulate(dataclasses.replace(SCENARIO, followers=[Vehicle(law, delay=late)] * 2)))
+    for order in (axes, dict(reversed(axes.items()))):
+        study = Study(dataclasses.replace(SCENARIO, followers=[Vehicle(law, delay=0.1)] * 2), order)
+        for _ in range(2):  # an axis' own values are not changed
+            found = study.run(executor="serial")
+            np.testing.assert_array_equal(found.peak_spacing_error.values.ravel(), alone.peak_spacing_error)
+    if list(axes) == ["delay"]:
+        same = dataclasses.replace(SCENARIO, followers=[Vehicle(law, delay=0.3)] * 2)
+        np.testing.assert_array_equal(summary(simulate(same)).peak_spacing_error, alone.peak_spacing_error)
+
+
+def test_radio_delay_of_a_mixed_platoon_is_of_those_who_hear_radio():
+    cars = [Vehicle(IDM(), delay=0.2), Vehicle(CACC(), delay={"s": 0.1})]
+    first, second = (
+        Study(dataclasses.replace(SCENARIO, followers=cars), {"radio_delay": [0.4]}).scenario_at(0).followers
+    )
+    assert first == cars[0]
+    assert dict(second.delay) == {"s": 0.1, "vl": 0.4, "al": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ({"radio_delay": [0.1]}, "axes.radio_delay: no vehicle hears radio"),
+        ({"followers.0.radio_delay": [0.1]}, "idm hears no radio"),
+        ({"radio_dely": [0.1]}, "did you mean 'radio_delay'"),
+        ({"T": [1.0], "followers.0.parameters.T": [1.2]}, "axes.T would vary nothing"),
+        ({"delay": [1.0], "followers.delay": [1.2]}, "would vary nothing"),
+    ],
+)
+def test_delays_and_doubled_axes_typed_wrongly(axes, words):
+    with pytest.raises(HeadwayError, match=words):
+        Study(SCENARIO, axes)
+
+
+def test_an_axis_of_one_vehicle_has_the_last_word():
+    cars = [Vehicle(IDM()), Vehicle(IDM(a=1.5)), Vehicle(IDM(a=2.0))]
+    for order in (1, -1):
+        axes = dict(list({"T": [1.1, 1.6], "followers.1.parameters.T": [2.0]}.items())[::order])
+        study = Study(dataclasses.replace(SCENARIO, followers=cars), axes)
+        assert [v.model.parameters["T"] for v in study.scenario_at(1).followers] == [1.6, 2.0, 1.6]
+        assert_as_simulated(study, study.run(), range(2))
+
+
+# -- who stands where, and what a map shows ---------------------------------------------------------
+
+
+def test_a_dataset_says_who_stands_where(tmp_path):
+    cars = [Vehicle(IDM(T=1.0 + 0.1 * n)) for n in range(4)]
+    base = dataclasses.replace(SCENARIO, followers=cars)
+    study = Study(base, {"order": [[2, 1, 4, 3], 7, [1, 1, 2, 3]], "a": [1.0, 1.5]})
+    found = study.run(["least_gap"], store=tmp_path / "study.zarr")
+    who = found.original_vehicle
+    assert who.dims == ("order", "vehicle")
+    assert who.values[0].tolist() == [0, 2, 1, 4, 3]
+    assert who.values[2].tolist() == [0, -1, -1, -1, -1]
+    for i in (0, 2):
+        headways = [v.model.parameters["T"] for v in study.scenario_at(i).followers]
+        assert [cars[n - 1].model.parameters["T"] for n in who.values[i // 2, 1:]] == headways
+    assert hw.open_study(tmp_path / "study.zarr").identical(found)
+    counted = Study(base, {"order": [3], "followers.1.count": [1, 3]}).run(["least_gap"])
+    assert counted.original_vehicle.dims == ("order", "followers.1.count", "vehicle")
+    assert (counted.original_vehicle.values[0, 0, -2:] == -1).all()
+    assert sorted(counted.original_vehicle.values[0, 1]) == [0, 1, 2, 3, 4, 5, 6]
+
+
+def test_a_map_says_which_part_it_shows_and_how_to_choose():
+    axes = {"T": [1.0, 1.2], "a": [1.0, 1.2], "lag": np.linspace(0.1, 0.34, 25).tolist(), "delay": [0.0, 0.1]}
+    study = Study(dataclasses.replace(SCENARIO, duration=1.0), axes)
+    found, exact = study.run(["least_gap"]), study.stability()
+    with pytest.warns(HeadwayWarning, match=r"shows delay = 0, 9 of 25 values of lag only; choose others with .*at="):
+        figure = hw.plot.study_map(found, stability=exact)
+    shown = [ax.get_title() for ax in figure.axes if ax.get_title()]
+    assert (shown[0], shown[-1]) == ("lag = 0.1", "lag = 0.34")
+    assert "9 of 25 values of lag" in figure.get_suptitle()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", HeadwayWarning)
+        figure = hw.plot.study_map(found, at={"lag": axes["lag"][3], "delay": 0.1}, stability=exact)
+        assert "lag = 0.13, delay = 0.1" in figure.get_suptitle()
+        hw.plot.study_map(found, at={"lag": axes["lag"][:4], "delay": 0.1}, stability=exact)
+    with pytest.raises(HeadwayError, match=r"at: delay = 0\.3 is none of its values; they are 0, 0\.1"):
+        hw.plot.study_map(found, at={"delay": 0.3})
+    with pytest.raises(HeadwayError, match="at: axis: 'lagg' is not known"):
+        hw.plot.study_map(found, at={"lagg": 0.3})
+
+
+@pytest.mark.parametrize("types", [None, 3, [1], "truck", {"truck": None}, {1: Vehicle(IDM())}])
+def test_types_of_a_wrong_kind(types):
+    with pytest.raises(HeadwayError, match="study: types"):
+        Study(SCENARIO, {"T": [1.0]}, types=types)

@@ -38,15 +38,20 @@ def between(low: float, high: float, count: int | None = None, *, log: bool = Fa
 
     `log` spaces them evenly in the logarithm. Raises `HeadwayError` for ends that are not in order.
     """
+    return _between("axis", low, high, count, log)
+
+
+def _between(place: str, low: Any, high: Any, count: Any, log: bool) -> Between:
+    """Checked ends; errors name `place`."""
     for name, value in (("from", low), ("to", high)):
         if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
-            raise HeadwayError(f"axis: {name} = {shorten(value)} is not a finite number")
+            raise HeadwayError(f"{place}: {name} = {shorten(value)} is not a finite number")
     if not low <= high:
-        raise HeadwayError(f"axis: from = {low:g} is greater than to = {high:g}")
+        raise HeadwayError(f"{place}: from = {low:g} is greater than to = {high:g}")
     if log and low <= 0:
-        raise HeadwayError(f"axis: from = {low:g} is not greater than 0, as a logarithmic scale needs")
+        raise HeadwayError(f"{place}: from = {low:g} is not greater than 0, as a logarithmic scale needs")
     if count is not None and (isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1):
-        raise HeadwayError(f"axis: count = {shorten(count)} is not a whole number of 1 or more")
+        raise HeadwayError(f"{place}: count = {shorten(count)} is not a whole number of 1 or more")
     return Between(float(low), float(high), None if count is None else int(count), log)
 
 
@@ -108,35 +113,33 @@ def _group(paths: Any, given: Any) -> dict[str, Any]:
 
 def _values(path: str, given: Any) -> Between | np.ndarray:
     """Values as typed: a `Between`, a table with from and to, or a list."""
-    try:
-        if isinstance(given, Between):
-            return given
-        if isinstance(given, Mapping):
-            return _table(given)
-        if isinstance(given, str | bytes) or not isinstance(given, Iterable):
-            raise HeadwayError(f"axis: {shorten(given)} is not a list of values; write a list, or from, to and count")
-        return _array(list(given))
-    except HeadwayError as error:
-        raise HeadwayError(f"axes.{path}: {str(error).removeprefix('axis: ')}") from None
+    place = f"axes.{path}"
+    if isinstance(given, Between):
+        return given
+    if isinstance(given, Mapping):
+        return _table(place, given)
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise HeadwayError(f"{place}: {shorten(given)} is not a list of values; write a list, or from, to and count")
+    return _array(place, list(given))
 
 
-def _table(table: Mapping[str, Any]) -> Between:
+def _table(place: str, table: Mapping[str, Any]) -> Between:
     allowed = ("from", "to", "count", "scale")
     for key in table:
         if key not in allowed:
-            raise unknown_name("key", key, allowed)
+            raise unknown_name(f"{place}: key", key, allowed)
     for key in ("from", "to"):
         if key not in table:
-            raise HeadwayError(f"{key} is missing; write {{ from = …, to = …, count = … }}")
+            raise HeadwayError(f"{place}: {key} is missing; write {{ from = …, to = …, count = … }}")
     scale = table.get("scale", "linear")
     if scale not in ("linear", "log"):
-        raise unknown_name("scale", scale, ("linear", "log"))
-    return between(table["from"], table["to"], table.get("count"), log=scale == "log")
+        raise unknown_name(f"{place}: scale", scale, ("linear", "log"))
+    return _between(place, table["from"], table["to"], table.get("count"), scale == "log")
 
 
-def _array(values: list[Any]) -> np.ndarray:
+def _array(place: str, values: list[Any]) -> np.ndarray:
     if not values:
-        raise HeadwayError("there are no values")
+        raise HeadwayError(f"{place}: there are no values")
     whole = all(isinstance(v, int | np.integer) and not isinstance(v, bool) for v in values)
     real = all(isinstance(v, int | float | np.number) and not isinstance(v, bool) for v in values)
     if whole and all(-(2**63) <= v < 2**63 for v in values):

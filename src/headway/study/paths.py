@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import copy
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from headway.errors import HeadwayError, did_you_mean, unknown_name
@@ -14,15 +15,18 @@ from headway.scenario.files import FOLLOWER_KEYS
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["ORDER", "SHARE", "Target", "assign", "parameter_of", "resolve"]
+__all__ = ["ORDER", "RADIO_DELAY", "SHARE", "Target", "assign", "in_order", "parameter_of", "resolve"]
 
 #: keys that lead to a field, e.g. ("followers", 0, "parameters", "T")
 Target = tuple[str | int, ...]
 
 ORDER, SHARE = "order", "share"
 
+#: delay of all that a law hears by radio; no field of a vehicle, which has one delay for each signal
+RADIO_DELAY = "radio_delay"
+
 _TOP = tuple(n for n in field_names(Scenario) if n not in ("leader", "followers", "name", "description"))
-_VEHICLE = tuple(n for n in field_names(Vehicle) if n != "model")
+_VEHICLE = (*(n for n in field_names(Vehicle) if n != "model"), RADIO_DELAY)
 
 
 def resolve(path: str, table: Mapping[str, Any], laws: tuple[Law, ...], free: bool = False) -> tuple[Target, ...]:
@@ -61,9 +65,9 @@ def resolve(path: str, table: Mapping[str, Any], laws: tuple[Law, ...], free: bo
     known = {p for t in _tables(table).values() for p in _law(t, laws).parameters}
     if not rest and (head in known or free):
         return _of_all(path, ["parameters", head], table, laws, free)
-    names = sorted({*known, *_TOP, *_VEHICLE, "leader.…", "followers.…", "order", "share.…"})
-    near = did_you_mean(path, [*known, *_TOP, *_VEHICLE, "order"])
-    raise HeadwayError(f"axes.{path} names no field of the scenario; allowed are {', '.join(names)}{near}")
+    near = did_you_mean(path, [*known, *_TOP, *_VEHICLE, "order"]).rstrip("?")
+    names = ", ".join((*sorted(known), *_VEHICLE, *_TOP, "order", "share.…", "leader.…", "followers.…"))
+    raise HeadwayError(f"axes.{path} names no field of the scenario{near}; allowed are {names}")
 
 
 def _share(path: str, rest: list[str], table: Mapping[str, Any], laws: tuple[Law, ...]) -> Target:
@@ -95,14 +99,18 @@ def _of_all(
             known = sorted({p for v in tables.values() for p in _law(v, laws).parameters})
             raise unknown_name(f"axes.{path}: parameter", rest[1], known)
         tables = chosen
+    if rest == [RADIO_DELAY] and not free:
+        tables = {t: v for t, v in tables.items() if RADIO & set(_law(v, laws).signals)}
+        if not tables:
+            raise HeadwayError(f"axes.{path}: no vehicle hears radio; delay is that of what is measured on board")
     return tuple(field for t, v in tables.items() for field in _of_vehicle(path, t, rest, v, laws, free))
 
 
 def _of_vehicle(
     path: str, target: Target, rest: list[str], table: Mapping[str, Any], laws: tuple[Law, ...], free: bool
 ) -> tuple[Target, ...]:
-    if rest[0] not in FOLLOWER_KEYS:
-        raise unknown_name(f"axes.{path}: field of followers", rest[0], FOLLOWER_KEYS)
+    if rest[0] not in (*FOLLOWER_KEYS, RADIO_DELAY):
+        raise unknown_name(f"axes.{path}: field of followers", rest[0], (*FOLLOWER_KEYS, RADIO_DELAY))
     if len(rest) > (2 if rest[0] in ("parameters", "delay", "limits") else 1) or rest == ["parameters"]:
         raise HeadwayError(f"axes.{path} leads nowhere; write e.g. {'.'.join(map(str, target))}.parameters.T")
     law = None if free else _law(table, laws)
@@ -110,7 +118,27 @@ def _of_vehicle(
         raise unknown_name(f"axes.{path}: parameter of {law.name}", rest[1], law.parameters)
     if law and rest[0] == "delay" and len(rest) == 2 and rest[1] not in SIGNALS:
         raise unknown_name(f"axes.{path}: signal", rest[1], law.signals)
+    if law and rest[0] == RADIO_DELAY and not RADIO & set(law.signals):
+        raise HeadwayError(f"axes.{path}: {law.name} hears no radio; delay is that of what is measured on board")
     return ((*target, *rest),)
+
+
+def in_order(fields: Iterable[tuple[tuple[Target, ...], Any]]) -> list[tuple[Target, Any]]:
+    """Single fields and their values as they are to be assigned: what is of all before what is of one.
+
+    A field of all vehicles comes before that of one, a whole before its parts: `delay`, then `radio_delay`, then
+    `delay.vl`. So axes may be given in any order. What decides about others, a model or a kind, comes first.
+    """
+    single = [(target, value, len(targets)) for targets, value in fields for target in targets]
+
+    def rank(entry: tuple[Target, Any, int]) -> tuple[int, int, int]:
+        target, _, together = entry
+        whole = (
+            0 if target[-1] in ("model", "kind") else 2 if target[-1] == RADIO_DELAY else 1 if len(target) < 4 else 3
+        )
+        return whole, -together, len(target)
+
+    return [(target, value) for target, value, _ in sorted(single, key=rank)]
 
 
 def parameter_of(target: Target) -> str | None:
@@ -122,12 +150,9 @@ def assign(table: dict[str, Any], target: Target, value: Any, laws: tuple[Law, .
     """Put `value` into the table of one point."""
     place: Any = table
     for i, key in enumerate(target[:-1]):
-        if key == "delay" and not isinstance(place.get("delay"), dict):
-            # one delay of all on-board signals becomes one of each, so that a single one can be changed
-            seconds = place.get("delay", 0.0)
-            signals = _law(place, laws).signals
-            place["delay"] = {n: seconds for n in signals if n not in RADIO and seconds}
-            if target[-1] == "vl" and "vl" not in signals:
+        if key == "delay":
+            _split_delay(place, laws)
+            if target[-1] == "vl" and "vl" not in _law(place, laws).signals:
                 place["delay"].pop("dv", None)  # the leader's speed alone is late, instead of the whole
         elif isinstance(place, dict) and key not in place:
             place[key] = {}
@@ -136,10 +161,22 @@ def assign(table: dict[str, Any], target: Target, value: Any, laws: tuple[Law, .
         place = place[key]
         if i == 0 and key == "gaps" and not isinstance(place, list):
             raise HeadwayError(f"axes.{'.'.join(map(str, target))}: the scenario has no list of gaps")
+    if target[-1] == RADIO_DELAY:
+        _split_delay(place, laws)
+        place["delay"] |= {name: value for name in _law(place, laws).signals if name in RADIO}
+        return
     last = target[-1]
     if isinstance(place, list):
         if not str(last).isdigit() or int(last) >= len(place):
             raise HeadwayError(f"axes.{'.'.join(map(str, target))}: entries are 0 to {len(place) - 1}")
         place[int(last)] = value
     else:
-        place[last] = value
+        place[last] = copy.copy(value)  # a list or table of an axis is many points'
+
+
+def _split_delay(vehicle: dict[str, Any], laws: tuple[Law, ...]) -> None:
+    """Make one delay of all on-board signals one of each, so that single ones can be changed."""
+    seconds = vehicle.get("delay", 0.0)
+    if not isinstance(seconds, dict):
+        on_board = (n for n in _law(vehicle, laws).signals if n not in RADIO)
+        vehicle["delay"] = dict.fromkeys(on_board, seconds) if seconds else {}

@@ -54,11 +54,14 @@ class Study:
 
     axes: mapping from the path of a field to its values. A path is that of `--set` in a scenario
         file (`leader.amplitude`, `followers.0.parameters.T`, `seed`), or short for all followers:
-        `T` for a parameter, `delay`, `delay.vl`, `lag`. `order` is the order of vehicles, front to
-        back (numbers from 1, or the seed of a random order); `share.<type>` the share of followers
-        of a type (one of `types`, or the name of a model in the scenario), at places drawn by the
-        scenario's seed. Values are a list or `between(low, high, count)`. A key of several paths,
-        `("T", "a")` or `"T+a"`, has one list for each, which are zipped.
+        `T` for a parameter, `delay` (of all that is measured on board, the radio current: what
+        `Vehicle(delay=x)` means), `radio_delay` (of all that is heard by radio, the rest as it is),
+        `delay.vl` (of one signal), `lag`. `order` is the order of vehicles, front to back (numbers
+        from 1, or the seed of a random order; `original_vehicle` in the dataset says who stands
+        where); `share.<type>` the share of followers of a type (one of `types`, or the name of a
+        model in the scenario), at places drawn by the scenario's seed. Values are a list or
+        `between(low, high, count)`. A key of several paths, `("T", "a")` or `"T+a"`, has one list
+        for each, which are zipped.
     design: `"grid"`, `"zip"`, or `count` points drawn by `"sobol"`, `"latin"` or `"random"` with `seed`.
     types: vehicles by name, for `share` and for axes such as `types.truck.parameters.T`.
 
@@ -76,7 +79,11 @@ class Study:
     def __post_init__(self) -> None:
         if not isinstance(self.scenario, Scenario):
             raise HeadwayError(f"study: {shorten(self.scenario)} is not a Scenario")
+        if not isinstance(self.types, Mapping):
+            raise HeadwayError(f"study: types = {shorten(self.types)} is not a mapping from a name to a Vehicle")
         for name, vehicle in self.types.items():
+            if not isinstance(name, str):
+                raise HeadwayError(f"study: types has {shorten(name)}, which is not a name")
             if not isinstance(vehicle, Vehicle):
                 raise HeadwayError(f"study: types.{name} = {shorten(vehicle)} is not a Vehicle")
         _ = self.points, self._fields
@@ -94,7 +101,13 @@ class Study:
     def _fields(self) -> tuple[tuple[str, tuple[Target, ...]], ...]:
         table = self._table
         free = any(path.split(".")[-1] in ("model", "kind") for path in self.points.values)
-        return tuple((p, resolve(p, table.table, table.laws, free)) for p in self.points.values)
+        fields = [(p, resolve(p, table.table, table.laws, free)) for p in self.points.values]
+        for path, targets in fields:
+            rivals = {t for other, ts in fields if other != path and len(ts) <= len(targets) for t in ts}
+            if rivals.issuperset(targets):
+                raise HeadwayError(f"axes.{path} would vary nothing: all its fields are those of other axes")
+        # what is of all before what is of one, which has the last word
+        return tuple(sorted(fields, key=lambda entry: -len(entry[1])))
 
     # -- single points ---------------------------------------------------------------------------
 
@@ -120,7 +133,7 @@ class Study:
     def run(
         self,
         metrics: Iterable[Any] | None = None,
-        executor: Any = "serial",
+        executor: Any = "threads",
         *,
         shard: tuple[int, int] | None = None,
         store: str | os.PathLike[str] | None = None,
@@ -133,8 +146,8 @@ class Study:
 
         metrics: names such as `peak_spacing_error`, `ttc` or `tet(threshold=4)` (docs/metrics.md lists them all),
             or functions of a dataset of trajectories; those of `headway run` if None.
-        executor: `"serial"`, `"threads"`, `"processes"`, `"dask://host:port"`, a `distributed.Client` or
-            any `concurrent.futures.Executor`. All give the same bits.
+        executor: `"threads"` (one for each core), `"serial"`, `"processes"`, `"dask://host:port"`, a
+            `distributed.Client` or any `concurrent.futures.Executor`. All give the same bits.
         shard: (i, n), do the i-th of n parts (from 1) of the pieces, into a shared `store`.
         store: path of a Zarr store that is written piece by piece; a study that was killed goes on
             there, unless `resume` is off.
@@ -151,14 +164,14 @@ class Study:
             _check_shard(shard, store)
         size = self._piece_size(wanted) if chunk is None else _whole(chunk)
         values, messages = self._perform(job, size, executor, shard, store, resume, progress)
-        found = assembled(self.points, values, messages, _described(wanted), self._attrs())
+        found = assembled(self.points, values, messages, _described(wanted), self._attrs(), self._groups)
         kept = list(keep)
         if not kept:
             return found
         runs = self.trajectories(kept).drop_vars(COLLISION)
         return found.merge(runs, combine_attrs="override", join="outer")
 
-    def stability(self, executor: Any = "serial", *, progress: Callable[[int, int], Any] | None = None) -> xr.Dataset:
+    def stability(self, executor: Any = "threads", *, progress: Callable[[int, int], Any] | None = None) -> xr.Dataset:
         """The same points by exact theory, at the speed of the platoon before t = 0.
 
         A dataset with the same dimensions: `locally_stable`, `string_stable` (strictly, every
@@ -236,9 +249,14 @@ class Study:
 
         return simulate(self.scenario)
 
+    @property
+    def _groups(self) -> list[int]:
+        """Followers of each table of the scenario."""
+        return [t.get("count", 1) for t in self._table.table["followers"]]
+
     def _most_followers(self) -> int:
         """Most followers that a point has; `count` of a group may vary."""
-        most = [t.get("count", 1) for t in self._table.table["followers"]]
+        most = self._groups
         for path, targets in self._fields:
             for target in targets:
                 if target[0] == "followers" and target[-1] == "count":
@@ -285,6 +303,7 @@ class Study:
             "chunk": size,
             "vehicles": job.vehicles,
             "metrics": names,
+            "groups": self._groups,
             "dims": self.points.dims,
             "along": self.points.along,
             "described": _described(job.metrics),
@@ -310,7 +329,7 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
         raise HeadwayError(f"{_damage(store, damaged)}; run the study again with this store to compute them anew")
     found = Points(about["dims"], about["along"], store.axes())
     described = {n: (unit, meaning) for n, (unit, meaning) in about["described"].items()}
-    return assembled(found, values, messages, described, about["attrs"])
+    return assembled(found, values, messages, described, about["attrs"], about["groups"])
 
 
 def _intact(store: Store, numbers: Iterable[int]) -> set[int]:

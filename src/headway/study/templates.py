@@ -14,9 +14,9 @@ from headway.models import Law
 from headway.scenario.files import assemble, to_table, vehicles
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
-from headway.study.paths import ORDER, SHARE, Target, assign
+from headway.study.paths import ORDER, SHARE, Target, assign, in_order
 
-__all__ = ["Table", "Template"]
+__all__ = ["Table", "Template", "vehicle_order"]
 
 #: where a vehicle's description stands in the table: a group of followers, or a type
 Origin = Target
@@ -51,14 +51,13 @@ class Table:
         table = copy.deepcopy(self.table)
         shares: dict[str, float] = {}
         order: Any = None
-        for targets, value in values:
-            for target in targets:
-                if target[0] == SHARE:
-                    shares[str(target[1])] = _share(str(target[1]), value)
-                elif target[0] == ORDER:
-                    order = value
-                else:
-                    assign(table, target, value, self.laws)
+        for target, value in in_order(values):
+            if target[0] == SHARE:
+                shares[str(target[1])] = _share(str(target[1]), value)
+            elif target[0] == ORDER:
+                order = value
+            else:
+                assign(table, target, value, self.laws)
         types = table.pop("types")
         described: dict[Origin, dict[str, Any]] = {("followers", i): t for i, t in enumerate(table["followers"])}
         described |= {("types", name): t for name, t in types.items()}
@@ -70,7 +69,7 @@ class Table:
         if shares:
             everyone = _mixed(everyone, kinds, shares, seed)
         if order is not None:
-            everyone = _ordered(everyone, order)
+            everyone = [everyone[number - 1] for number in vehicle_order(order, len(everyone))]
         scenario = assemble(table, [v for _, v in everyone])
         return Template(scenario, tuple(origin for origin, _ in everyone))
 
@@ -109,15 +108,11 @@ def _mixed(everyone: list[Car], kinds: dict[str, Car], shares: dict[str, float],
     return result
 
 
-def _ordered(everyone: list[Car], order: Any) -> list[Car]:
-    """A list of vehicle numbers, front to back, or the seed of a random order."""
+def vehicle_order(order: Any, count: int) -> list[int]:
+    """Numbers of `count` vehicles front to back; `order` is such a list, or the seed of a random one."""
     if isinstance(order, int) and not isinstance(order, bool) and order >= 0:
         stream = np.random.default_rng(np.random.SeedSequence(order, spawn_key=(2,)))
-        return [everyone[i] for i in stream.permutation(len(everyone))]
-    if not isinstance(order, list | tuple) or sorted(map(str, order)) != sorted(
-        str(n) for n in range(1, len(everyone) + 1)
-    ):
-        raise HeadwayError(
-            f"order = {shorten(order)} is neither the numbers 1 to {len(everyone)} in some order nor a seed"
-        )
-    return [everyone[int(n) - 1] for n in order]
+        return [int(i) + 1 for i in stream.permutation(count)]
+    if not isinstance(order, list | tuple) or sorted(map(str, order)) != sorted(str(n) for n in range(1, count + 1)):
+        raise HeadwayError(f"order = {shorten(order)} is neither the numbers 1 to {count} in some order nor a seed")
+    return [int(n) for n in order]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from headway.errors import HeadwayError, unknown_name
+from headway.errors import HeadwayError, HeadwayWarning, shorten, unknown_name
 from headway.view import style
 
 if TYPE_CHECKING:
@@ -38,16 +40,35 @@ def study_map(
     y: str | None = None,
     *,
     panel: str | None = None,
+    at: Mapping[str, Any] | None = None,
     vehicle: int = -1,
     stability: xr.Dataset | None = None,
 ) -> Figure:
     """Heat map of a metric over two axes of a grid, one panel for each value of a third.
 
-    `metric` is the first one if None, of `vehicle` (-1 the last); `x` and `y` are the first two axes
-    with numbers. `stability` is what `Study.stability` gave for the same study: its boundaries of
-    string stability (line) and local stability (dashes) are drawn over the map. Axes that are not
-    named are taken at their first value. Crosses mark points with a collision, grey ones without a value.
+    Args:
+        dataset: What `Study.run` gave for a grid.
+        metric: Name of a metric; the first one if None.
+        x: Axis to the right; the first one with numbers if None.
+        y: Axis upwards; the next one with numbers if None.
+        panel: Axis of the panels; the first other one if None. Nine panels fit: of more values, nine
+            are taken evenly.
+        at: Values of axes that are not drawn, or a list of values of `panel`. What is not given is
+            taken at its first value.
+        vehicle: Number of the vehicle, -1 the last.
+        stability: What `Study.stability` gave for the same study: its boundaries of string stability
+            (line) and local stability (dashes) are drawn over the map.
+
+    Returns:
+        A figure. Crosses mark points with a collision, grey ones without a value. Where it shows a part
+        of the study only, its title says which and a `HeadwayWarning` how to choose.
+
+    Raises:
+        HeadwayError: For names and values that the dataset does not have, or fewer than two axes.
     """
+    dataset, chosen = _selected(dataset, at)
+    if stability is not None:
+        stability, _ = _selected(stability, at)
     metric, values = _values(dataset, metric, vehicle)
     numeric = [a for a in _axes(dataset) if a in dataset.dims and dataset[a].dtype.kind in "fi"]
     for name in (x, y, panel):
@@ -62,9 +83,16 @@ def study_map(
     panel = panel or next((str(d) for d in others if dataset.sizes[d] > 1), None)
     rest = {d: 0 for d in others if d != panel}
     count = min(dataset.sizes[panel], _PANELS) if panel else 1
+    shown_at = np.linspace(0, dataset.sizes[panel] - 1, count).round().astype(int) if panel else np.zeros(1, int)
+    parts = [f"{d} = {_number(dataset[d].values[0])}" for d in rest if d in dataset.coords and dataset.sizes[d] > 1]
+    if panel and count < dataset.sizes[panel]:
+        parts.append(f"{count} of {dataset.sizes[panel]} values of {panel}")
+    if parts:
+        told = ", ".join(parts)
+        warnings.warn(f"the map shows {told} only; choose others with study_map(…, at={{…}})", HeadwayWarning, 2)
     columns = min(count, _COLUMNS)
     rows = math.ceil(count / columns)
-    figure = style.new_figure(0.6 + 2.9 * rows if count > 1 else 4.4, _title(dataset, rest))
+    figure = style.new_figure(0.6 + 2.9 * rows if count > 1 else 4.4, _title(dataset, [*chosen, *parts]))
     cells = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     shown = values.isel(rest)
     finite = shown.values[np.isfinite(shown.values)]
@@ -74,12 +102,12 @@ def study_map(
         if i >= count:
             ax.set_visible(False)
             continue
-        here = {**rest, **({panel: i} if panel else {})}
+        here = {**rest, **({panel: int(shown_at[i])} if panel else {})}
         image = _heat(ax, dataset.isel(here), values.isel(here), x, y, low, max(high, low + 1e-12))
         if stability is not None:
             _boundaries(ax, stability.isel(here), x, y)
         if panel:
-            ax.set_title(f"{panel} = {_number(dataset[panel].values[i])}", fontsize=style.SMALL)
+            ax.set_title(f"{panel} = {_number(dataset[panel].values[shown_at[i]])}", fontsize=style.SMALL)
         style.axes_style(ax)
         ax.grid(False)
         if i % columns == 0:
@@ -108,7 +136,7 @@ def study_lines(dataset: xr.Dataset, metric: str | None = None, x: str | None = 
     if x not in numeric:
         raise unknown_name("axis", x, numeric)
     at, y = _paired(dataset, x, values)
-    figure = style.new_figure(3.6, _title(dataset, {}))
+    figure = style.new_figure(3.6, _title(dataset, []))
     ax = figure.subplots()
     places = np.unique(at)
     if places.size > 2 * _BINS and places.size > at.size / 4:
@@ -198,9 +226,30 @@ def _rim() -> list[Any]:
     return [Stroke(linewidth=2.8, foreground="black"), Normal()]
 
 
-def _title(dataset: xr.Dataset, rest: dict[Any, int]) -> str:
-    told = [f"{d} = {_number(dataset[d].values[i])}" for d, i in rest.items() if d in dataset.coords]
-    return ", ".join([str(dataset.attrs.get("title", "")), *told])
+def _selected(dataset: xr.Dataset, at: Mapping[str, Any] | None) -> tuple[xr.Dataset, list[str]]:
+    """The part of a dataset at chosen values of its axes, and what was chosen in words."""
+    words = []
+    for name, wanted in (at or {}).items():
+        if name not in dataset.status.dims or name not in dataset.coords:
+            raise unknown_name("at: axis", name, [str(d) for d in dataset.status.dims if d in dataset.coords])
+        values = dataset[name].values
+        several = isinstance(wanted, list | tuple | np.ndarray)
+        places: list[int] = []
+        for value in wanted if several else [wanted]:
+            places += np.flatnonzero(values == value)[:1].tolist() or [_missing(name, value, values)]
+        dataset = dataset.isel({name: places if several else places[0]})
+        if not several:
+            words.append(f"{name} = {_number(values[places[0]])}")
+    return dataset, words
+
+
+def _missing(name: str, value: Any, values: np.ndarray) -> int:
+    some = ", ".join(_number(v) for v in values[:12].tolist()) + (", …" if values.size > 12 else "")
+    raise HeadwayError(f"at: {name} = {shorten(value)} is none of its values; they are {some}")
+
+
+def _title(dataset: xr.Dataset, parts: list[str]) -> str:
+    return ", ".join([str(dataset.attrs.get("title", "")), *parts])
 
 
 def _number(value: Any) -> str:
