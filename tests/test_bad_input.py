@@ -219,9 +219,9 @@ ARGUMENTS = {
     "data that is not sorted": (["data", "info", "{}/unsorted.csv"], ["unsorted.csv"]),
     "unknown unit": (["data", "info", "{}/kmh.csv", "--unit", "speed=furlong"], ["furlong"]),
     "column without value": (["data", "info", "{}/kmh.csv", "--column", "speed"], ["ours=theirs"]),
-    "comparison with a leader only": (["data", "compare", "{}/lone.csv", "--model", "idm"], ["no followers"]),
-    "comparison with a wrong parameter": (
-        ["data", "compare", "{}/lone.csv", "--model", "idm", "--set", "T=x"], ["write parameter=number"],
+    "replay of a leader only": (["replay", "{}/lone.csv", "--model", "idm"], ["no followers"]),
+    "replay with a wrong parameter": (
+        ["replay", "{}/two.csv", "--model", "idm", "--set", "T=x"], ["write parameter=number"],
     ),
 }  # fmt: skip
 
@@ -242,6 +242,8 @@ def folder(tmp_path):
     rows = "".join(f"{t},0,{90 + t},\n" for t in range(5))
     (place / "kmh.csv").write_text("time_s,vehicle,speed_mps,gap_m\n" + rows)
     (place / "lone.csv").write_text("time_s,vehicle,speed_mps,gap_m\n" + rows.replace("9", "1"))
+    two = "".join(f"{t},0,10,\n{t},1,10,30\n" for t in range(5))
+    (place / "two.csv").write_text("time_s,vehicle,speed_mps,gap_m\n" + two)
     (place / "unsorted.csv").write_text("time_s,vehicle,speed_mps,gap_m\n0,0,10,\n2,0,10,\n1,0,10,\n")
     return place
 

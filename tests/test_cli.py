@@ -278,10 +278,10 @@ def recording(file):
     return file
 
 
-def test_data_compare_with_a_recording(ok, folder):
+def test_replay_of_a_recording(ok, folder):
     file = recording(folder / "trip.csv")
     # idm-spacing rests at 2 m + 1.5 s · 20 m/s = 32 m, where the recorded follower is
-    command = ["data", "compare", file, "--model", "idm-spacing"]
+    command = ["replay", file, "--model", "idm-spacing"]
     (vehicle,) = json.loads(ok(*command, "--json"))["vehicles"]
     assert vehicle["rms_gap_error"] < 1e-9
     answer = json.loads(ok(*command, "--set", "T=1.0", "--out", folder / "sim.nc", "--json"))
@@ -290,7 +290,7 @@ def test_data_compare_with_a_recording(ok, folder):
     out = ok(*command, "--set", "T=1.0")
     assert "r.m.s. gap error [m]" in out
     assert len(rows_of(out)) == 1
-    assert "soft in the place of" in ok("data", "compare", file, "--model", f"{folder}/my.py:soft")
+    assert "soft" in ok("replay", file, "--model", f"{folder}/my.py:soft")
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
@@ -335,9 +335,9 @@ def test_data_fetch_of_what_is_shipped(ok, tmp_path):
     assert (tmp_path / "us06.csv").stat().st_size == catalogue()["us06"].bytes
 
 
-def test_data_compare_with_a_real_platoon(ok):
+def test_replay_of_a_real_platoon(ok):
     file = shared_file("raw/zalazone_short_dynamic_part4.csv")
-    command = ["data", "compare", file, "--model", "idm", "--set", "T=1.2", "--start", "20", "--end", "50"]
+    command = ["replay", file, "--model", "idm", "--set", "T=1.2", "--window", "20:50"]
     answer = json.loads(ok(*command, "--json"))
     assert len(answer["vehicles"]) == 10
     assert all(0 < v["rms_gap_error"] < 50 for v in answer["vehicles"])
@@ -350,11 +350,11 @@ COMMANDS = {
     "models": ["--model", "--json"],
     "check": ["FILE", "--json"],
     "schema": ["JSON schema"],
-    "data": ["list", "info", "fetch", "compare"],
+    "data": ["list", "info", "fetch"],
     "data list": ["--json"],
     "data info": ["--column", "--unit", "--format"],
     "data fetch": ["--base-url", "--directory"],
-    "data compare": ["--set", "--delay", "--lag", "--start", "--end", "--out"],
+    "replay": ["--set", "--delay", "--lag", "--window", "--parameters", "--out", "--figure"],
 }
 
 

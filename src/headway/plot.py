@@ -7,6 +7,7 @@ given axes instead, without a title. What cannot be drawn raises `HeadwayError`.
 
 from __future__ import annotations
 
+from headway.checked import typed
 from headway.view.calibration import calibrated, gains, growth, penetration, replayed
 from headway.view.files import save
 from headway.view.maps import panels, paper_map, stability_map
@@ -20,3 +21,6 @@ __all__ = [
     "panels", "paper_map", "penetration", "propagation", "replayed", "responses", "root_locus", "save",
     "spacing_errors", "speeds", "stability_map", "study_lines", "study_map", "time_space",
 ]  # fmt: skip
+
+# every figure refuses what it cannot draw at its door
+globals().update({name: typed(globals()[name], f"plot.{name}") for name in __all__})

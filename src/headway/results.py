@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from headway.checked import as_path, typed
 from headway.errors import HeadwayError
+from headway.schema import COORDINATES, VARIABLES, describe
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["open_results", "save", "writing"]
+__all__ = ["header", "open_results", "save", "writing"]
+
+
+#: as many characters of a file's name go into that of its unfinished one, which must not become too long
+_NAME = 80
 
 
 @contextmanager
@@ -23,12 +29,12 @@ def writing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     Raises `HeadwayError` if the place cannot be written to.
     """
-    target = Path(path)
+    target = as_path(path, "file to write")
     temporary: Path | None = None
     try:
         if target.is_dir():
             raise HeadwayError(f"{target}: cannot be written, it is a folder")
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=target.suffix, dir=target.parent)
+        handle, name = tempfile.mkstemp(prefix=f".{target.name[:_NAME]}.", suffix=target.suffix, dir=target.parent)
         os.close(handle)
         temporary = Path(name)
         yield temporary
@@ -47,13 +53,14 @@ def _umask() -> int:
     return mask
 
 
+@typed
 def save(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """Write trajectories to `path`: NetCDF (.nc) without loss, or one row per vehicle and time (.csv).
 
-    Raises `HeadwayError` for another suffix or a place that cannot be written to; nothing
-    half-written is left behind.
+    Raises `HeadwayError` for another suffix, a dataset that such a file cannot hold, or a place that
+    cannot be written to; nothing half-written is left behind.
     """
-    target = Path(path)
+    target = as_path(path, "file to write")
     writers: dict[str, Callable[[xr.Dataset, Path], Any]] = {".nc": _netcdf, ".csv": _csv}
     if target.suffix not in writers:
         raise HeadwayError(
@@ -67,24 +74,69 @@ def save(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
 def _netcdf(dataset: xr.Dataset, path: Path) -> None:
     compressed = {"zlib": True, "complevel": 4, "shuffle": True}
     encoding = {n: compressed for n, v in dataset.variables.items() if v.dtype.kind == "f" and v.ndim > 1}
-    dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
+    try:
+        # made in memory: where a disk is full the HDF5 library itself ends the process when it closes its file
+        content = dataset.to_netcdf(engine="h5netcdf", encoding=encoding)
+    except (TypeError, ValueError) as error:
+        raise HeadwayError(f"{path.suffix}: NetCDF cannot hold this dataset ({error})") from None
+    path.write_bytes(content)
 
 
 def _csv(dataset: xr.Dataset, path: Path) -> None:
     names = [n for n, v in dataset.data_vars.items() if v.dims == ("vehicle", "time")]
+    if not names:
+        raise HeadwayError("a CSV file holds variables along vehicle and time, and this dataset has none; write .nc")
     frame = dataset[names].to_dataframe().reset_index().sort_values(["vehicle", "time"])
-    units = {n: str(dataset[n].attrs.get("units", "")) for n in frame.columns if n in dataset.variables}
-    header = [f"{n} [{units[n]}]" if units.get(n, "1") not in ("", "1") else str(n) for n in frame.columns]
-    keep = [n for n in ("time", "vehicle", *names) if n in frame.columns]
-    frame[keep].to_csv(path, index=False, header=[header[list(frame.columns).index(n)] for n in keep])
+    columns = ["time", "vehicle", *names]
+    frame[columns].to_csv(path, index=False, header=[header(str(n), dataset[n].attrs) for n in columns])
 
 
+def header(name: str, attributes: Mapping[Any, Any]) -> str:
+    """What a variable is called in a CSV file: its name and, in brackets, its unit."""
+    unit = str(attributes.get("units", ""))
+    return f"{name} [{unit}]" if unit not in ("", "1") else name
+
+
+@typed
 def open_results(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Read trajectories written by `save` as NetCDF; raises `HeadwayError` if the file cannot be read."""
+    """Read trajectories that `save` wrote, as NetCDF without loss or as CSV.
+
+    A CSV file holds the variables along vehicle and time only: no collision times and no scenario.
+
+    Raises `HeadwayError` if the file cannot be read or holds no trajectories.
+    """
     import xarray as xr
 
+    file = as_path(path, "file of results")
+    if file.suffix == ".csv":
+        return _from_csv(file)
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+        with xr.open_dataset(file, engine="h5netcdf") as dataset:
             return dataset.load()
-    except (OSError, ValueError) as error:
-        raise HeadwayError(f"{path}: is not a NetCDF file of results ({error})") from None
+    except Exception as error:  # a damaged file makes its library raise anything
+        raise HeadwayError(f"{file}: is not a NetCDF file of results ({type(error).__name__}: {error})") from None
+
+
+def _from_csv(file: Path) -> xr.Dataset:
+    import pandas as pd
+
+    names = {header(n, {"units": v.unit}): n for n, v in {**COORDINATES, **VARIABLES}.items()}
+    try:
+        frame = pd.read_csv(file, encoding="utf-8-sig", float_precision="round_trip")
+    except OSError as error:
+        raise HeadwayError(f"{file}: cannot be read ({error.strerror or error})") from None
+    except ValueError as error:  # also what is no text, has no columns or rows of unequal length
+        raise HeadwayError(f"{file}: is not a CSV file of results ({error})") from None
+    frame = frame.rename(columns=names)
+    values = [n for n in VARIABLES if n in frame.columns]
+    if not {"time", "vehicle"} <= set(frame.columns) or not values:
+        raise HeadwayError(
+            f"{file}: is not a CSV file of results; its columns are {', '.join(list(names)[:4])}, … as headway.save "
+            "writes them (headway.data.read reads other tables)"
+        )
+    if not all(pd.api.types.is_numeric_dtype(frame[n]) for n in ("time", "vehicle", *values)):
+        raise HeadwayError(f"{file}: a cell is not a number")
+    index = frame.set_index(["vehicle", "time"])
+    if index.index.has_duplicates:
+        raise HeadwayError(f"{file}: a time of a vehicle stands there twice")
+    return describe(index[values].astype(float).to_xarray())

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from headway.checked import typed
 from headway.errors import HeadwayError, RestsEverywhereError
 from headway.models.law import Law, Model
 from headway.models.signs import wrong_sign
@@ -25,6 +26,7 @@ class Check:
     required: bool = True
 
 
+@typed
 def check_model(law: Law) -> tuple[Check, ...]:
     """Run the conformance suite on a law, built in or one's own."""
     return tuple(_guarded(name, check, law, required) for name, check, required in _CHECKS)

@@ -32,6 +32,7 @@ from headway.analysis.propagation import Propagation, Saddle, Verdict, growth, p
 from headway.analysis.quasipolynomial import QuasiPolynomial
 from headway.analysis.response import Response
 from headway.analysis.roots import Roots, rightmost
+from headway.checked import typed
 from headway.errors import HeadwayError, HeadwayWarning, unknown_name
 from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
@@ -41,6 +42,7 @@ __all__ = ["Linear", "head_to_tail", "linearize"]
 Damping = Literal["undamped", "underdamped", "critically damped", "overdamped"]
 
 
+@typed
 def linearize(vehicle: Vehicle | Model | Law, speed: float, gap: float | None = None) -> Linear:
     """Linear theory of `vehicle` where everybody drives `speed` [m/s].
 
@@ -386,6 +388,7 @@ class Linear:
         return linear_html(self)
 
 
+@typed
 def head_to_tail(
     vehicles: Sequence[Vehicle], speed: float, gap: float | Sequence[float] | None = None
 ) -> stability.Chain:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.analysis.points import Points
+from headway.checked import typed
 from headway.errors import HeadwayError, unknown_name
 from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
@@ -95,6 +96,7 @@ class StabilityMap:
         save(self.dataset.assign(lines).assign_coords(axis=names), path)
 
 
+@typed
 def stability_map(
     vehicle: Vehicle | Model | Law,
     axes: Mapping[str, Any],

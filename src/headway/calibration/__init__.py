@@ -5,12 +5,12 @@ from headway.calibration.errors import Errors
 from headway.calibration.files import load_followers, save
 from headway.calibration.fit import Fit, calibrate
 from headway.calibration.made import as_recorded
-from headway.calibration.platoon import behind_recorded, one_in, replay
+from headway.calibration.platoon import one_in, replay
 from headway.calibration.transfer import Growth, Transfer, growth, measured_transfer, spectra
 from headway.calibration.uncertainty import Profile
 from headway.calibration.verdict import StringVerdict, verdict
 
 __all__ = [
-    "Errors", "Fit", "Growth", "Profile", "StringVerdict", "Transfer", "as_recorded", "behind_recorded", "calibrate",
+    "Errors", "Fit", "Growth", "Profile", "StringVerdict", "Transfer", "as_recorded", "calibrate",
     "cross_validate", "growth", "load_followers", "measured_transfer", "one_in", "replay", "save", "spectra", "verdict",
 ]  # fmt: skip

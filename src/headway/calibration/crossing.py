@@ -13,6 +13,7 @@ from headway.calibration.loop import Loop
 from headway.calibration.search import search
 from headway.calibration.segments import cut
 from headway.calibration.space import Space
+from headway.checked import typed
 from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
 
@@ -28,6 +29,7 @@ _MEANINGS = {
 }
 
 
+@typed
 def cross_validate(
     model: Vehicle | Model | Law,
     recordings: Sequence[Source],

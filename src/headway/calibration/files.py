@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from headway.checked import typed
 from headway.errors import HeadwayError
 from headway.models import Law
 from headway.results import writing
@@ -31,6 +32,7 @@ def table(fits: Sequence[Fit]) -> dict[str, Any]:
     return {"followers": [_follower(f.vehicle) for f in fits], "fits": [_known(f) for f in fits]}
 
 
+@typed
 def save(fits: Sequence[Fit], path: str | os.PathLike[str]) -> Path:
     """Write `to_toml(fits)`; HeadwayError where that cannot be done."""
     target = Path(path)
@@ -42,6 +44,7 @@ def save(fits: Sequence[Fit], path: str | os.PathLike[str]) -> Path:
     return target
 
 
+@typed
 def load_followers(path: str | os.PathLike[str], models: Iterable[Law] = ()) -> list[Vehicle]:
     """The vehicles of a file of fits, or of any file with `[[followers]]`; `models` are laws of one's own in it."""
     found = read_table(path)

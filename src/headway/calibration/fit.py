@@ -19,6 +19,7 @@ from headway.calibration.search import search
 from headway.calibration.segments import Segment, Window, cut
 from headway.calibration.space import Space
 from headway.calibration.uncertainty import Profile, bootstrap, profiles
+from headway.checked import typed
 from headway.data.readers import read
 from headway.data.recording import Recording
 from headway.errors import HeadwayError, unknown_name
@@ -143,6 +144,7 @@ class Fit:
         return save([self], path)
 
 
+@typed
 def calibrate(
     model: Vehicle | Model | Law,
     recording: Source | Sequence[Source],
@@ -223,7 +225,7 @@ def calibrate(
 
 def opened(source: Source) -> Recording:
     """The recording itself, or the one in a file."""
-    return source if isinstance(source, Recording) else read(Path(source))
+    return source if isinstance(source, Recording) else read(source)
 
 
 def windows_of(train: Any) -> list[Window]:

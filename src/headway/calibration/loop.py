@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.calibration.kernel import follow
-from headway.calibration.segments import Segment, start_of
+from headway.calibration.segments import Segment
 from headway.calibration.space import Space
+from headway.data.recording import start_of
 from headway.engine.compile import address
 from headway.engine.layout import SIGNAL_CODES
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.checked import typed
 from headway.data.recording import Recording
 from headway.errors import HeadwayError
 
@@ -19,6 +20,7 @@ __all__ = ["as_recorded"]
 Array = NDArray[np.float64]
 
 
+@typed
 def as_recorded(
     run: xr.Dataset,
     gap_noise: float = 0.1,
@@ -37,6 +39,9 @@ def as_recorded(
     for name, x in (("gap_noise", gap_noise), ("speed_noise", speed_noise), ("correlation", correlation)):
         if not (math.isfinite(x) and x >= 0):
             raise HeadwayError(f"{name} = {x!r} is not allowed; it is a finite number, 0 or more")
+    for name in ("time", "speed", "gap"):
+        if name not in run.variables:
+            raise HeadwayError(f"as_recorded: the dataset has no {name!r}, as one of headway.simulate has")
     time, speed = run.time.values, run.speed.transpose("vehicle", "time").values
     gap = run.gap.transpose("vehicle", "time").values
     if not np.isfinite(gap[1:]).all():

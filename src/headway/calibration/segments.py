@@ -15,7 +15,7 @@ from headway.data.recording import Recording
 from headway.errors import HeadwayError
 from headway.scenario.recorded import Recorded
 
-__all__ = ["LONGEST_STEP", "Segment", "Window", "cut", "start_of"]
+__all__ = ["LONGEST_STEP", "Segment", "Window", "cut"]
 
 Array = NDArray[np.float64]
 
@@ -63,14 +63,6 @@ class Segment:
     def duration(self) -> float:
         """Seconds from the first to the last sample."""
         return self.step * (self.gap.size - 1)
-
-
-def start_of(gap: Array, speed: Array) -> Array:
-    """Initial gap [m] and speed [m/s] (2, …) of records (…, n): their first known samples."""
-    both = np.stack((gap, speed))
-    first = np.argmax(np.isfinite(both), axis=-1)[..., None]
-    start: Array = np.take_along_axis(both, first, axis=-1)[..., 0]
-    return start
 
 
 def cut(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from headway.calibration.platoon import section
 from headway.calibration.segments import Window
 from headway.calibration.uncertainty import block_length
+from headway.checked import typed
 from headway.data.recording import Recording
 from headway.errors import HeadwayError
 
@@ -55,6 +56,7 @@ class Transfer:
         return self.coherence >= COHERENT
 
 
+@typed
 def measured_transfer(
     recording: Recording, vehicle: int, window: Window | None = None, highest: float = 2.0
 ) -> Transfer:
@@ -85,10 +87,20 @@ def measured_transfer(
     )  # fmt: skip
 
 
+def _rows(speeds: Array) -> Array:
+    """Speeds (vehicles, times), or a sentence."""
+    rows = np.asarray(speeds, dtype=float)
+    if rows.ndim != 2 or rows.shape[1] < 2:
+        raise HeadwayError(f"speeds have shape {rows.shape}; (vehicles, times) with two times or more is needed")
+    return rows
+
+
+@typed
 def spectra(speeds: Array, time: Array) -> tuple[Array, Array]:
     """Frequencies (K,) [rad/s] and power spectra (V, K) [(m/s)²/(rad/s)] of speeds (V, T) at uniform times (T,)."""
     from scipy import signal
 
+    speeds = _rows(speeds)
     options = _options(time)
     f, power = signal.welch(speeds, axis=1, **options)
     return 2 * np.pi * f, power / (2 * np.pi)
@@ -124,11 +136,13 @@ class Growth:
     grows: Array
 
 
+@typed
 def growth(speeds: Array, resamples: int = 400, seed: int = 0) -> Growth:
     """How speed deviations grow down a string, from speeds (V, T) at uniform times; NaN samples are left out.
 
     Blocks are as long as the leader's speed is correlated, and are the same for all vehicles of a resample.
     """
+    speeds = _rows(speeds)
     deviation = np.nanstd(speeds, axis=1)
     extent = np.nanmax(speeds, axis=1) - np.nanmin(speeds, axis=1)
     known = speeds[:, np.isfinite(speeds).all(axis=0)]

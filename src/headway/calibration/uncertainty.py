@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from headway.calibration.loop import Loop
 from headway.calibration.polish import Problems, polish
-from headway.calibration.segments import start_of
+from headway.data.recording import start_of
 
 __all__ = ["Profile", "block_length", "bootstrap", "effective_samples", "profiles", "resampled"]
 

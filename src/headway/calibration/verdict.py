@@ -11,6 +11,7 @@ import numpy as np
 from headway.analysis.linear import Linear, linearize
 from headway.analysis.words import times
 from headway.calibration.fit import Fit
+from headway.checked import typed
 from headway.errors import HeadwayError, HeadwayWarning
 from headway.scenario.vehicle import Vehicle
 
@@ -57,6 +58,7 @@ def linear_of(fit: Fit, car: Vehicle, speed: float) -> Linear | None:
             return None
 
 
+@typed
 def verdict(fit: Fit, speed: float | None = None) -> StringVerdict:
     """The string-stability verdict of a fitted vehicle at `speed` [m/s], the mean of its training if None.
 

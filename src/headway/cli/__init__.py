@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import cyclopts
 from cyclopts import App
 
+from headway.cli import terminal
 from headway.cli.benchmark import benchmark
 from headway.cli.calibrate import calibrate
 from headway.cli.data import data_app
@@ -21,7 +22,7 @@ from headway.cli.replay import replay
 from headway.cli.run import run, schema
 from headway.cli.stability import stability
 from headway.cli.study import study_app
-from headway.errors import HeadwayError, HeadwayWarning
+from headway.errors import HeadwayError, shorten
 from headway.version import __version__
 
 __all__ = ["app", "main"]
@@ -50,11 +51,17 @@ app.command(replay)
 app.command(explore)
 
 
+#: exit code of a command whose reader has gone, as a shell gives it for the signal
+_BROKEN_PIPE = 141
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 1 a check failed, 2 typed wrongly, 130 interrupted."""
-    warnings.simplefilter("ignore", HeadwayWarning)  # the command line turns what matters into errors
+    """Run the command line and exit: 0 done, 1 a check failed, 2 refused, 130 interrupted, 141 nobody reads on."""
     try:
-        result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        with warnings.catch_warnings():
+            terminal.prepare()
+            result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        terminal.flush()
     except cyclopts.CycloptsError as error:
         _fail(_plain(error))
     except HeadwayError as error:
@@ -62,16 +69,35 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:
-        sys.exit(0)
+        terminal.hush(sys.stdout)
+        sys.exit(_BROKEN_PIPE)
+    except OSError as error:
+        _fail(_unwritten(error))
+    except MemoryError:
+        _fail("there is not enough memory for this; ask for fewer points, vehicles, steps or results")
+    except RecursionError:
+        _fail("what was given is nested too deeply")
     sys.exit(result if isinstance(result, int) else 0)
 
 
+def _unwritten(error: OSError) -> str:
+    """A disk that is full, a place that cannot be written to."""
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}cannot be read or written ({error.strerror or error})"
+
+
 def _plain(error: cyclopts.CycloptsError) -> str:
-    """A parser's message as one line."""
+    """A parser's message as one line, in plain words."""
+    if isinstance(error, cyclopts.UnusedCliTokensError) and error.unused_tokens:
+        return f"{shorten(error.unused_tokens[0])} is one argument too many here; see --help"
     text = " ".join(str(error).split()).rstrip(".")
     return text[:1].lower() + text[1:]
 
 
 def _fail(sentence: str) -> None:
-    print(f"headway: {sentence}", file=sys.stderr)
+    try:
+        terminal.flush()
+    except (HeadwayError, BrokenPipeError):
+        terminal.hush(sys.stdout)
+    terminal.tell(str(HeadwayError(sentence)))
     sys.exit(2)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from headway.cli import show
+from headway.cli.options import Json, ModelFile, laws_of
 
 if TYPE_CHECKING:
     from headway.study.benchmark.outcome import Outcome
@@ -26,25 +25,20 @@ def benchmark(
     leader: Annotated[
         list[Path] | None, Parameter(help="A recording whose leader joins the disturbances; may be repeated.")
     ] = None,
-    model: Annotated[
-        list[str] | None,
-        Parameter(help="Allow a law from a file, e.g. my.py:soft; this runs the file. May be repeated."),
-    ] = None,
+    model: ModelFile = None,
     quick: Annotated[bool, Parameter(help="Three disturbances and four delays only.")] = False,
-    json: Annotated[bool, Parameter(help="Print what was found as JSON.")] = False,
+    json: Json = False,
 ) -> None:
     """Compare models under the same disturbances and delays, and write a report."""
-    from headway.models.own import load_laws
     from headway.study.benchmark.spec import load_benchmark
 
-    laws = [law for reference in model or [] for law in load_laws(reference)]
-    described = load_benchmark(file, laws, leader or [])
+    described = load_benchmark(file, laws_of(model), leader or [])
     if quick:
         described = described.quick()
     from headway.study.benchmark.outcome import compare
 
-    with _progress("simulating") as told:
-        outcome = compare(described, told)
+    with show.progress("simulating") as progress:
+        outcome = compare(described, progress)
     from headway.view.benchmark_report import benchmark_report
     from headway.view.report import write
 
@@ -66,18 +60,3 @@ def _print(outcome: Outcome, page: Path) -> None:
     if failed := outcome.board.failed:
         print(f"{len(failed)} of {len(outcome.board.cells)} cells could not be run; the report says why")
     print(f"wrote {page}")
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A bar that tells how much is done, on a terminal only."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

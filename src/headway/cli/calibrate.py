@@ -8,15 +8,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from headway.cli import parse, show
-from headway.cli.data import Column, Format, Json, Unit, reading
-from headway.cli.run import check_target
+from headway.cli.options import (
+    FIGURES,
+    Column,
+    Format,
+    Json,
+    Lag,
+    SetParameter,
+    Unit,
+    check_target,
+    law_named,
+    reading,
+    vehicle_of,
+)
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
     from headway.calibration.fit import Fit
-    from headway.models.law import Law
 
-__all__ = ["calibrate", "law_named", "window_of"]
+__all__ = ["calibrate"]
 
 
 def calibrate(
@@ -33,11 +43,9 @@ def calibrate(
     bound: Annotated[
         list[str] | None, Parameter(help="Bounds of what is fitted, e.g. T=0.5:3; may be repeated.")
     ] = None,
-    set_: Annotated[
-        list[str] | None, Parameter(name="--set", help="Value of a parameter, e.g. v0=33; may be repeated.")
-    ] = None,
+    set_: SetParameter = None,
     delay: Annotated[str, Parameter(help="Delay [s], or a pattern e.g. s=1,vl=1, which a fitted delay scales.")] = "0",
-    lag: Annotated[float, Parameter(help="Time constant of the actuator [s].")] = 0.0,
+    lag: Lag = 0.0,
     train: Annotated[list[str] | None, Parameter(help="Window start:end [s] to fit; may be repeated.")] = None,
     test: Annotated[
         list[str] | None,
@@ -55,21 +63,21 @@ def calibrate(
 ) -> None:
     """Fit a law to recorded followers, each behind the recorded vehicle ahead, and say how sure that is."""
     check_target(out, (".toml",))
-    check_target(figure, (".png", ".svg", ".pdf"))
+    check_target(figure, FIGURES)
     law = law_named(model)
-    windows = [window_of("--train", text) for text in train or []]
-    tests = [window_of("--test", text) if _iswindow_of(text) else text for text in test or []]
-    bounds = {name: window_of("--bound", value) for name, value in (_pair(text) for text in bound or [])}
+    windows = [parse.window("--train", text) for text in train or []]
+    tests = [parse.window("--test", text) if parse.is_window(text) else text for text in test or []]
+    typed = parse.pairs("--bound", bound, "name=low:high, e.g. T=0.5:3") or {}
+    bounds = {name: parse.window("--bound", text) for name, text in typed.items()}
 
     from headway.calibration.files import save
     from headway.calibration.fit import calibrate as fit_vehicle
     from headway.data.readers import read
-    from headway.scenario.vehicle import Vehicle
 
     options = reading(format, column, unit)
     recording = read(Path(file), **options)
     others = [read(Path(t), **options) if isinstance(t, str) else t for t in tests]
-    car = Vehicle(law(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag)
+    car = vehicle_of(law, set_, delay, lag)
     names = [n.strip() for n in fit.split(",") if n.strip()] if fit is not None else None
     fits: list[Fit] = []
     followers = vehicle or list(range(1, recording.vehicles))
@@ -95,37 +103,6 @@ def calibrate(
         return
     for path in written:
         print(f"wrote {path}")
-
-
-def law_named(reference: str) -> Law:
-    """The law of a name, or in a Python file."""
-    from headway.models.own import load_laws
-    from headway.models.registry import find
-
-    return load_laws(reference)[0] if ".py" in reference else find(reference)
-
-
-def _iswindow_of(text: str) -> bool:
-    """Whether a text is two numbers and a colon, and no file."""
-    try:
-        return len([float(x) for x in text.split(":")]) == 2
-    except ValueError:
-        return False
-
-
-def window_of(option: str, text: str) -> tuple[float, float]:
-    """Two numbers of a text such as 0:200."""
-    if not _iswindow_of(text):
-        raise HeadwayError(f"{option} {text}: write two numbers with a colon between, e.g. 0:200")
-    a, b = text.split(":")
-    return float(a), float(b)
-
-
-def _pair(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise HeadwayError(f"--bound {text}: write name=low:high, e.g. T=0.5:3")
-    return name.strip(), value
 
 
 def _draw(fits: list[Fit], path: Path) -> list[Any]:

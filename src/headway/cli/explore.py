@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from headway.cli import show
+from headway.cli.options import ModelFile, SetField, import_numba_without_blas, read_scenario
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
@@ -27,21 +28,14 @@ def explore(
         str | None, Parameter(help="A scenario file, a ready scenario, or a link copied from the page.")
     ] = None,
     *,
-    model: Annotated[
-        list[str] | None,
-        Parameter(help="Allow a law from a file, e.g. my.py:soft; this runs the file. May be repeated."),
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        Parameter(name="--set", help="Override any field, e.g. followers.0.count=10; may be repeated."),
-    ] = None,
+    model: ModelFile = None,
+    set_: SetField = None,
     port: Annotated[int, Parameter(help="Port of 127.0.0.1; 0 takes a free one.")] = 0,
     no_browser: Annotated[bool, Parameter(name="--no-browser", help="Print the address only.")] = False,
 ) -> None:
     """A page with sliders: the platoon, its stability and its safety answer at once."""
     import copy
 
-    from headway.cli.run import import_numba_without_blas, read_scenario
     from headway.explorer import explore as start
     from headway.models.own import load_laws
     from headway.scenario.files import from_table, override

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from headway.cli import show
+from headway.cli.options import Json, ModelFile, laws_of
 
 if TYPE_CHECKING:
     from headway.models.law import Law
@@ -17,16 +18,13 @@ __all__ = ["check", "models"]
 def models(
     name: Annotated[str | None, Parameter(help="Only this one.")] = None,
     *,
-    model: Annotated[
-        list[str] | None, Parameter(help="Also the laws of a file, e.g. my.py:soft; runs the file.")
-    ] = None,
-    json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
+    model: ModelFile = None,
+    json: Json = False,
 ) -> None:
     """List the car-following laws: formula, signals, parameters with unit and bounds, source."""
-    from headway.models.own import load_laws
     from headway.models.registry import find, with_own
 
-    own = [law for reference in model or [] for law in load_laws(reference)]
+    own = laws_of(model)
     laws = [find(name, own)] if name else list(with_own(own).values())
     if json:
         show.print_json([_as_json(law) for law in laws])
@@ -73,7 +71,7 @@ def _as_json(law: Law) -> dict[str, Any]:
 def check(
     file: Annotated[str, Parameter(help="A Python file of laws, my.py or my.py:soft; this runs the file.")],
     *,
-    json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
+    json: Json = False,
 ) -> int:
     """Check laws of your own against what every law must be, and explain each failure. Exit code 1 if one fails."""
     from headway.analysis.conformance import check_model

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -45,14 +44,14 @@ def paper(
     experiments, claims = choose(names)
     folder = out if out is not None else None if json else Path("out/paper")
     _check(folder)
-    with _others(len(claims)) as others, _progress("claims") as progress:
+    with _others(len(claims)) as others, show.progress("claims") as progress:
         findings = reproduce(claims, others, progress)
     page = None
     if folder is not None:
         from headway.view.paper_report import paper_report
         from headway.view.report import write
 
-        with _progress("experiments") as progress:
+        with show.progress("experiments") as progress:
             report = paper_report(experiments, findings, progress)
         with show.working("writing the report"):
             page = write(report, folder, format=format, figures=figures)
@@ -99,21 +98,6 @@ def _others(count: int) -> Iterator[Executor | None]:
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[Callable[[int, int], Any] | None]:
-    """A bar on a terminal; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _print(findings: dict[str, Any]) -> None:

@@ -8,15 +8,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from headway.cli import parse, show
-from headway.cli.calibrate import law_named, window_of
-from headway.cli.data import Column, Format, Json, Unit, reading
-from headway.cli.run import check_target
+from headway.cli.options import (
+    FIGURES,
+    Column,
+    Delay,
+    Figure,
+    Format,
+    Json,
+    Lag,
+    Out,
+    SetParameter,
+    Unit,
+    check_target,
+    law_named,
+    reading,
+    vehicle_of,
+)
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
     from headway.scenario.vehicle import Vehicle
 
 __all__ = ["replay"]
+
+_ERRORS = ("rms_gap_error", "max_gap_error", "nrmse_gap", "rms_speed_error", "max_speed_error", "nrmse_speed")
 
 _COLUMNS = {
     "rms_gap_error": "r.m.s. gap error [m]",
@@ -38,40 +53,43 @@ def replay(
     parameters: Annotated[
         Path | None, Parameter(help="Vehicles that headway calibrate --out wrote: one for all, or one each.")
     ] = None,
-    set_: Annotated[list[str] | None, Parameter(name="--set", help="A parameter, e.g. T=1.2; may be repeated.")] = None,
-    delay: Annotated[str, Parameter(help="Seconds for all on-board signals, or e.g. s=0.5,dv=0.5.")] = "0",
-    lag: Annotated[float, Parameter(help="Time constant of the actuator [s].")] = 0.0,
+    set_: SetParameter = None,
+    delay: Delay = "0",
+    lag: Lag = 0.0,
     window: Annotated[str | None, Parameter(help="Window start:end [s]; all of the record if not given.")] = None,
     format: Format = None,
     column: Column = None,
     unit: Unit = None,
-    out: Annotated[Path | None, Parameter(help="Write the simulated trajectories to this .nc or .csv file.")] = None,
-    figure: Annotated[Path | None, Parameter(help="Draw the recorded and the simulated platoon on one page.")] = None,
+    out: Out = None,
+    figure: Figure = None,
     json: Json = False,
 ) -> None:
     """Simulate a whole recorded string from its first leader alone, and compare errors and growth."""
     check_target(out, (".nc", ".csv"))
-    check_target(figure, (".png", ".svg", ".pdf"))
-    from headway.calibration.platoon import replay as replayed
-    from headway.calibration.platoon import section
+    check_target(figure, FIGURES)
     from headway.calibration.transfer import growth
     from headway.data.compare import compare
     from headway.data.readers import read
+    from headway.engine.simulate import simulate
     from headway.results import save
+    from headway.scenario.behind import behind
 
-    recording = read(Path(file), **reading(format, column, unit))
-    span = None if window is None else window_of("--window", window)
-    cars = _vehicles(model, parameters, set_ or [], delay, lag, recording.vehicles - 1)
-    part = section(recording, span).from_zero()
+    options = reading(format, column, unit)
+    count = read(file, **options).vehicles - 1
+    if count < 1:
+        raise HeadwayError(f"{file}: has no followers to compare with")
+    cars = _vehicles(model, parameters, set_ or [], delay, lag, count)
+    span = None if window is None else parse.window("--window", window)
+    scenario, part = behind(file, cars, window=span, reading=options)
     with show.working("simulating"):
-        run = replayed(recording, cars, span)
+        run = simulate(scenario)
     errors = compare(run, part)
     real, made = growth(part.speed), growth(run.speed.values)
     rows: list[dict[str, Any]] = [
         {
             "vehicle": n,
             "model": cars[n - 1].model.name,
-            **{name: float(errors[name].sel(vehicle=n)) for name in list(_COLUMNS)[:3]},
+            **{name: float(errors[name].sel(vehicle=n)) for name in _ERRORS},
             "recorded_deviation": float(real.deviation[n]),
             "simulated_deviation": float(made.deviation[n]),
             "recorded_range": float(real.range[n]),
@@ -97,16 +115,13 @@ def _vehicles(
     model: str | None, parameters: Path | None, assignments: list[str], delay: str, lag: float, count: int
 ) -> list[Vehicle]:
     """One vehicle for each recorded follower."""
-    from headway.scenario.vehicle import Vehicle
-
     law = None if model is None else law_named(model)
     if parameters is None:
         if law is None:
             raise HeadwayError(
                 "replay needs --model, a law for all followers, or --parameters, a file of fitted vehicles"
             )
-        values = parse.numbers("--set", assignments, parse.PARAMETER)
-        return [Vehicle(law(**values), delay=parse.delay(delay), lag=lag)] * count
+        return [vehicle_of(law, assignments, delay, lag)] * count
     if assignments or delay != "0" or lag:
         raise HeadwayError(f"--set, --delay and --lag belong to --model; {parameters} brings its own values")
     from headway.calibration.files import load_followers

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from pathlib import Path
@@ -12,6 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from headway.cli import show
+from headway.cli.options import (
+    FIGURES,
+    Json,
+    ModelFile,
+    SetField,
+    check_target,
+    import_numba_without_blas,
+    read_scenario,
+)
 from headway.errors import HeadwayError
 from headway.version import __version__
 
@@ -26,19 +34,13 @@ __all__ = ["check_target", "import_numba_without_blas", "read_scenario", "run", 
 def run(
     scenario: Annotated[str | None, Parameter(help="A scenario file, or the name of a ready one (see --list).")] = None,
     *,
-    set_: Annotated[
-        list[str] | None,
-        Parameter(name="--set", help="Override any field, e.g. followers.0.parameters.T=1.1; may be repeated."),
-    ] = None,
-    model: Annotated[
-        list[str] | None,
-        Parameter(help="Allow a law from a file, e.g. my.py:soft; this runs the file. May be repeated."),
-    ] = None,
+    set_: SetField = None,
+    model: ModelFile = None,
     out: Annotated[Path | None, Parameter(help="Write the trajectories to this NetCDF file.")] = None,
     csv: Annotated[Path | None, Parameter(help="Write the trajectories to this CSV file.")] = None,
     figure: Annotated[Path | None, Parameter(help="Draw speeds, errors, gaps and the time-space diagram.")] = None,
     metrics: Annotated[str, Parameter(help="Columns, with commas between, e.g. ttc,tet(threshold=4).")] = "",
-    json: Annotated[bool, Parameter(help="Print the table as JSON.")] = False,
+    json: Json = False,
     toml: Annotated[bool, Parameter(help="Print the scenario as it would be run, and do not run it.")] = False,
     list_: Annotated[bool, Parameter(name="--list", help="List the ready scenarios.")] = False,
 ) -> None:
@@ -48,7 +50,7 @@ def run(
         return
     if scenario is None:
         raise HeadwayError("run needs a scenario: a TOML file, or a name that headway run --list shows")
-    for path, kinds in ((out, (".nc",)), (csv, (".csv",)), (figure, (".png", ".svg", ".pdf"))):
+    for path, kinds in ((out, (".nc",)), (csv, (".csv",)), (figure, FIGURES)):
         check_target(path, kinds)
     description = read_scenario(scenario, set_ or [], model or [])
     if toml:
@@ -91,49 +93,6 @@ def _list(json: bool) -> None:
         show.print_json(ready)
     else:
         show.table("", ("name", "what it is"), list(ready.items()), left=2)
-
-
-def check_target(path: Path | None, kinds: tuple[str, ...]) -> None:
-    """Refuse a target before anything is computed."""
-    if path is None:
-        return
-    if path.suffix not in kinds:
-        raise HeadwayError(f"{path}: allowed here are files ending in {', '.join(kinds)}")
-    if not path.parent.is_dir():
-        raise HeadwayError(f"{path}: the folder {path.parent} does not exist")
-
-
-def read_scenario(name: str, assignments: list[str], references: list[str]) -> Scenario:
-    """The scenario of a file or of the library, with overrides and laws of one's own."""
-    from headway.models.own import load_laws
-    from headway.scenario.files import from_table, override, read_table
-
-    laws = [law for reference in references for law in load_laws(reference)]
-    prefix = name.partition(":")[0]
-    if prefix in ("paper", "example"):
-        from headway.library import library_table
-
-        table, folder = library_table(name), Path(".")
-    else:
-        table, folder = read_table(name), Path(name).parent
-    for assignment in assignments:
-        override(table, assignment)
-    return from_table(table, laws, folder)
-
-
-def import_numba_without_blas() -> None:
-    """Import numba's array functions while scipy.linalg, which they look for, cannot be found.
-
-    The kernel does no linear algebra and need not wait a third of a second for it. Only the command
-    line does this: it owns the process, and nobody else compiles in it.
-    """
-    if "scipy.linalg" in sys.modules:
-        return
-    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # the documented way to hide one
-    try:
-        import numba.np.arraymath  # noqa: F401  imported for what it looks for
-    finally:
-        del sys.modules["scipy.linalg"]
 
 
 def _write(scenario: Scenario, result: Result, out: Path | None, csv: Path | None, figure: Path | None) -> list[Path]:

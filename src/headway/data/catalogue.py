@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
+from headway.checked import typed
 from headway.data.cycles import cycle_file
 from headway.errors import HeadwayError, unknown_name
 
@@ -167,6 +168,7 @@ def catalogue() -> dict[str, Entry]:
     return {entry.name: entry for entry in _ENTRIES}
 
 
+@typed
 def fetch(name: str, *, base_url: str | None = None, directory: str | Path | None = None) -> Path:
     """The path of a file of the catalogue, downloaded once and verified by SHA-256 each time.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.checked import typed
 from headway.data.recording import Floats, Recording
 
 __all__ = ["Finding", "check"]
@@ -32,6 +33,7 @@ class Finding:
     severity: str
 
 
+@typed
 def check(recording: Recording) -> tuple[Finding, ...]:
     """All findings on a recording: times, holes, signs, and whether gaps, speeds and positions tell one story.
 

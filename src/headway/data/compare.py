@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from headway.checked import typed
 from headway.data.recording import Floats, Recording
 from headway.errors import HeadwayError
 
@@ -27,6 +28,7 @@ _MEANINGS = {
 }
 
 
+@typed
 def compare(simulated: xr.Dataset, recording: Recording) -> xr.Dataset:
     """Errors of each follower, simulated minus recorded, over the time that both cover: a Dataset along `vehicle`.
 

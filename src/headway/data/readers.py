@@ -1,6 +1,7 @@
 """Readers: from a file as others publish it to a `Recording`.
 
 Formats
+- `headway`: the NetCDF file that `headway.save` writes. (Its CSV file is `tidy`.)
 - `tidy`: CSV or Parquet, one row per vehicle and time: `time_s, vehicle, [position_m,] speed_mps, gap_m`, or any
   names and units through `columns` and `units`. Without a vehicle column it is one vehicle (a drive cycle).
 - `openacc-astazero`: `Time, Speed1..n, IVS1..n-1`; seconds, m/s, m. IVS is the bumper-to-bumper spacing: its rate
@@ -15,12 +16,14 @@ Missing values stay NaN, and what was assumed is in `Recording.notes`.
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from headway.checked import typed
 from headway.data.ngsim import COLUMNS as NGSIM_COLUMNS
 from headway.data.ngsim import canonical, read_ngsim
 from headway.data.recording import DEFAULT_LENGTH, Floats, Recording, vehicle_lengths
@@ -28,6 +31,7 @@ from headway.data.tables import (
     UNITS,
     Head,
     checked_units,
+    is_hdf,
     need_columns,
     need_plausible,
     need_rising,
@@ -39,26 +43,28 @@ from headway.data.tables import (
     to_si,
 )
 from headway.errors import HeadwayError, shorten, unknown_name
+from headway.results import open_results
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["DEFAULT_LENGTH", "FORMATS", "UNITS", "Recording", "read"]
 
-FORMATS = ("tidy", "openacc-astazero", "openacc-zalazone", "ngsim")
+FORMATS = ("tidy", "openacc-astazero", "openacc-zalazone", "ngsim", "headway")
 
 # Column names that say their unit; a bare `speed` does not, and is asked about instead of guessed.
 _TIDY = {
-    "time": {"time_s": "s", "time_ms": "ms"},
+    "time": {"time_s": "s", "time_ms": "ms", "time [s]": "s"},
     "vehicle": {"vehicle": ""},
-    "speed": {"speed_mps": "m/s", "speed_kmh": "km/h", "speed_mph": "mph"},
-    "gap": {"gap_m": "m", "gap_ft": "ft"},
-    "position": {"position_m": "m", "position_ft": "ft"},
+    "speed": {"speed_mps": "m/s", "speed_kmh": "km/h", "speed_mph": "mph", "speed [m/s]": "m/s"},
+    "gap": {"gap_m": "m", "gap_ft": "ft", "gap [m]": "m"},
+    "position": {"position_m": "m", "position_ft": "ft", "position [m]": "m"},
 }
 
 
+@typed
 def read(
-    path: str | Path,
+    path: str | os.PathLike[str],
     *,
     format: str | None = None,
     columns: Mapping[str, str] | None = None,
@@ -79,6 +85,14 @@ def read(
     """
     if format is not None and format not in FORMATS:
         raise unknown_name("format", format, FORMATS)
+    if is_hdf(path):
+        if format not in (None, "headway") or columns or units or vehicle is not None or followers is not None:
+            raise HeadwayError(
+                f"{path}: is headway's own NetCDF file, which needs no format, columns, units or vehicle"
+            )
+        return _read_results(path, length)
+    if format == "headway":
+        raise HeadwayError(f"{path}: is not a NetCDF file, which the format 'headway' is; its CSV file is 'tidy'")
     head = read_head(path)
     frame = read_parquet(head) if head.parquet else None
     kind, line = _sniffed(head, frame, format, columns)
@@ -122,6 +136,20 @@ def _sniffed(
         "(time_s, vehicle, speed_mps, gap_m, or other names through columns=), openacc-astazero (Time, Speed1, …, "
         "IVS1, …), openacc-zalazone (the same below five header lines) and ngsim (Vehicle_ID, Frame_ID, …)"
     )
+
+
+def _read_results(path: str | os.PathLike[str], length: float | Sequence[float]) -> Recording:
+    """Trajectories that `headway.save` wrote, as a recording."""
+    dataset = open_results(path)
+    place = os.path.basename(os.fspath(path))
+    for name in ("position", "speed", "gap"):
+        if name not in dataset or dataset[name].dims != ("vehicle", "time"):
+            raise HeadwayError(f"{place}: the file has no {name!r} along vehicle and time, as headway.save writes it")
+    speed, gap, position = (np.asarray(dataset[n].values, dtype=np.float64) for n in ("speed", "gap", "position"))
+    return Recording.from_gaps(
+        np.asarray(dataset.time.values, dtype=np.float64), speed, gap, leader_position=position[0], lengths=length,
+        source=place, notes=("Simulated by headway.",),
+    )  # fmt: skip
 
 
 # -- tidy ---------------------------------------------------------------------------------------------------------
@@ -277,6 +305,17 @@ def _read_openacc(
         vehicles += 1
     spacings = [f"IVS{n}" for n in range(1, vehicles)]
     need_columns(frame, spacings, place)
+    # a column in the middle that is gone must not make a shorter platoon in silence
+    numbered = re.compile(r"(Speed|IVS)0*([0-9]{1,6})")
+    last = {"Speed": vehicles, "IVS": vehicles - 1}
+    for column in map(str, frame.columns):
+        match = numbered.fullmatch(column.strip())
+        if match is not None and int(match[2]) > last[match[1]]:
+            missing = f"Speed{vehicles + 1}" if f"Speed{vehicles + 1}" not in frame.columns else f"IVS{vehicles}"
+            raise HeadwayError(
+                f"{place}: there is a column {column!r} but no {missing!r}; vehicles are numbered without a hole, the "
+                "speeds Speed1 to SpeedN and the gaps IVS1 to IVS(N-1)"
+            )
     time = to_si(numbers(frame, "Time", place, missing=False), "time", stated.get("time", "s"))
     need_rising(time, np.asarray(frame.index), place)
     if time.size < 2:

@@ -19,7 +19,7 @@ from headway.schema import describe
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DEFAULT_LENGTH", "Recording"]
+__all__ = ["DEFAULT_LENGTH", "Recording", "start_of"]
 
 Floats = NDArray[np.float64]
 
@@ -49,9 +49,14 @@ class Recording:
 
     def __post_init__(self) -> None:
         for field in ("time", "speed", "gap", "position"):
-            array = np.array(getattr(self, field), dtype=np.float64)
+            try:
+                array = np.array(getattr(self, field), dtype=np.float64)
+            except (TypeError, ValueError, OverflowError):
+                raise HeadwayError(f"{shorten(self.source)}: {field} is not an array of numbers") from None
             array.flags.writeable = False
             object.__setattr__(self, field, array)
+        if not isinstance(self.names, list | tuple) or not isinstance(self.lengths, list | tuple):
+            raise HeadwayError(f"{shorten(self.source)}: names and lengths are lists, one entry for each vehicle")
         samples = self.time.shape[0] if self.time.ndim == 1 else 0
         if samples < 2 or not np.isfinite(self.time).all():
             raise HeadwayError(f"{self.source}: a recording needs at least two finite times, and has {samples}")
@@ -199,6 +204,14 @@ def vehicle_lengths(lengths: float | Sequence[float], vehicles: int, source: str
             f"the {vehicles} vehicles, is needed"
         )
     return tuple(float(size) for size in sizes)
+
+
+def start_of(gap: Floats, speed: Floats) -> Floats:
+    """Initial gap [m] and speed [m/s] (2, …) of records (…, n): their first samples that are not missing."""
+    both = np.stack((gap, speed))
+    first = np.argmax(np.isfinite(both), axis=-1)[..., None]
+    start: Floats = np.take_along_axis(both, first, axis=-1)[..., 0]
+    return start
 
 
 def _integral(time: Floats, speed: Floats) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import os
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.checked import as_path
 from headway.errors import HeadwayError, did_you_mean, shorten, unknown_name
 
 if TYPE_CHECKING:
@@ -76,9 +78,18 @@ class Head:
         return max(",;\t", key=self.lines[line].count)
 
 
-def read_head(path: str | Path, lines: int = 12) -> Head:
+def is_hdf(path: str | os.PathLike[str]) -> bool:
+    """Whether a file begins as NetCDF 4 does; False where it cannot be read."""
+    try:
+        with as_path(path, "file").open("rb") as stream:
+            return stream.read(8) == b"\x89HDF\r\n\x1a\n"
+    except OSError:
+        return False
+
+
+def read_head(path: str | os.PathLike[str], lines: int = 12) -> Head:
     """The head of a file; HeadwayError where it is missing, unreadable, empty or not text."""
-    path = Path(path)
+    path = as_path(path, "file")
     try:
         with path.open("rb") as stream:
             start = stream.read(1 << 16)
@@ -191,7 +202,10 @@ def numbers(frame: pd.DataFrame, column: str, place: str, *, missing: bool = Tru
     cells = frame[column]
     if not (pd.api.types.is_numeric_dtype(cells) or pd.api.types.is_object_dtype(cells) or _is_text(cells)):
         raise HeadwayError(f"{place}: column {column!r} holds {cells.dtype}, and numbers are needed")
-    values = np.asarray(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
+    try:
+        values = np.asarray(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
+    except (OverflowError, TypeError, ValueError):  # whole numbers without end, one by one
+        values = np.array([_as_float(cell) for cell in cells], dtype=np.float64)
     wrong = (np.isnan(values) & ~np.asarray(cells.isna())) | np.isinf(values)
     if wrong.any():
         raise HeadwayError(f"{_cell(frame, column, wrong, place)} {_first(cells, wrong)} is not a finite number")
@@ -201,6 +215,16 @@ def numbers(frame: pd.DataFrame, column: str, place: str, *, missing: bool = Tru
     if not missing and np.isnan(values).any():
         raise HeadwayError(f"{_cell(frame, column, np.isnan(values), place)} an empty cell, where a number is needed")
     return values
+
+
+def _as_float(cell: Any) -> float:
+    """A cell as a number; infinite if it is too large for one, NaN if it is none."""
+    try:
+        return float(cell)
+    except OverflowError:
+        return float("inf")
+    except (TypeError, ValueError):
+        return float("nan")
 
 
 def _is_text(cells: Any) -> bool:

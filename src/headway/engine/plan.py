@@ -16,15 +16,12 @@ from headway.engine.layout import GROUP, SIGNAL_CODES, Platoon
 from headway.engine.mesh import Mesh, build_mesh
 from headway.models import Law
 from headway.scenario.motion import Motion
-from headway.scenario.scenario import Scenario
+from headway.scenario.scenario import MOST_SAMPLES, Scenario
 from headway.scenario.vehicle import Vehicle
 
 __all__ = ["MOST_SAMPLES", "Frame", "Lanes", "Plan", "output_times", "structure"]
 
 Array = NDArray[np.float64]
-
-#: a run without `output_step` keeps every step, thinned to at most this many steps
-MOST_SAMPLES = 10_000
 
 #: with fewer lanes than this a chain of received accelerations is one loop instead of one a vehicle
 _FEW_LANES = 16

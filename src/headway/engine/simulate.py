@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.checked import typed
 from headway.engine.events import RunAlone
 from headway.engine.plan import Plan, structure
 from headway.engine.run import Result, Run
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 _ELEMENTS = {"rk4": 1280, "ballistic": 384}
 
 
+@typed
 def simulate(scenario: Scenario) -> xr.Dataset:
     """Trajectories of a scenario.
 
@@ -40,6 +42,7 @@ def simulate(scenario: Scenario) -> xr.Dataset:
     return to_dataset(scenario, solve(scenario))
 
 
+@typed
 def simulate_many(scenarios: Sequence[Scenario]) -> list[xr.Dataset]:
     """Trajectories of many scenarios; those that share a structure are integrated side by side.
 

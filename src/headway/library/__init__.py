@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from headway.checked import typed
 from headway.errors import HeadwayError, unknown_name
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ def library() -> dict[str, str]:
     return {name: library_table(name)["description"].split(". ")[0].rstrip(".") for name in _files()}
 
 
+@typed
 def library_table(name: str) -> dict[str, Any]:
     """The raw table of a ready scenario, to be changed freely by the caller.
 
@@ -53,6 +55,7 @@ def library_table(name: str) -> dict[str, Any]:
     return tomllib.loads(files[name].read_text(encoding="utf-8"))
 
 
+@typed
 def library_scenario(name: str, models: Iterable[Law] = ()) -> Scenario:
     """The ready scenario called `name`; `models` are laws of one's own that it may ask for.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from headway.checked import number
 from headway.errors import HeadwayError, NoEquilibriumError, RestsEverywhereError
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _SPEEDS = np.concatenate(([0.0], np.geomspace(1e-3, 150.0, 160)))
 
 def gap_at(model: Model, speed: float) -> float:
     """See `Model.equilibrium_gap`."""
-    v = _number(speed, f"equilibrium speed of {model.name}", "m/s")
+    v = number(speed, f"equilibrium speed of {model.name}", "m/s")
     if v < 0:
         raise HeadwayError(f"equilibrium speed of {model.name} = {v:g} m/s is negative; vehicles drive forwards")
     low, high = _speed_range(model)
@@ -44,7 +45,7 @@ def gap_at(model: Model, speed: float) -> float:
 
 def speed_at(model: Model, gap: float) -> float:
     """See `Model.equilibrium_speed`."""
-    s = _number(gap, f"equilibrium gap of {model.name}", "m")
+    s = number(gap, f"equilibrium gap of {model.name}", "m")
     if s <= 0:
         raise HeadwayError(f"equilibrium gap of {model.name} = {s:g} m is not positive")
     form = model.law.forms.get("equilibrium_speed")
@@ -198,13 +199,3 @@ def _root(model: Model, f: Any, grid: np.ndarray, where: str, what: str) -> floa
         if abs(float(f(root))) <= 1e-6 * (abs(values[i]) + abs(values[i + 1])):
             return root
     raise NoEquilibriumError(f"{model.name} has no equilibrium {what} {where}: its acceleration jumps over 0")
-
-
-def _number(x: Any, place: str, unit: str) -> float:
-    try:
-        number = float(x)
-    except (TypeError, ValueError):
-        raise HeadwayError(f"{place} = {x!r} is not a number") from None
-    if not math.isfinite(number):
-        raise HeadwayError(f"{place} = {number} {unit} is not finite")
-    return number

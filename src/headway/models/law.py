@@ -11,15 +11,19 @@ parameters; their annotation is the one source of unit, bounds and description. 
 
 from __future__ import annotations
 
+import contextlib
+import contextvars
 import importlib
 import inspect
 import math
 import pickle
 import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, get_type_hints, overload
+
+import numpy as np
 
 from headway.errors import HeadwayError, HeadwayWarning, shorten, unknown_name
 from headway.models import equilibrium
@@ -71,13 +75,15 @@ class Parameter:
     def check(self, value: Any, law: str) -> float:
         """`value` as a float, or a `HeadwayError` that says what is allowed."""
         place = f"{law}.{self.name}"
-        if isinstance(value, bool | str) or not _is_real(value):
+        if isinstance(value, bool | np.bool_ | str | bytes) or not _is_real(value):
             raise HeadwayError(f"{place} = {shorten(value)} is not a number")
-        number = float(value)
         unit = f" {self.info.unit}" if self.info.unit else ""
+        if isinstance(value, int) and abs(value) > _LARGEST:
+            raise HeadwayError(f"{place} = {shorten(value)} is out of bounds; allowed is {self.range}{unit}")
+        number = float(value)
         if not math.isfinite(number):
             raise HeadwayError(f"{place} = {number} is not finite; allowed is {self.range}{unit}")
-        if not self.info.low <= number <= self.info.high:
+        if not max(self.info.low, -_LARGEST) <= number <= min(self.info.high, _LARGEST):
             raise HeadwayError(f"{place} = {number:g}{unit} is out of bounds; allowed is {self.range}{unit}")
         return number
 
@@ -86,7 +92,7 @@ class Parameter:
         """The allowed range in words."""
         low, high = self.info.low, self.info.high
         if math.isinf(low) and math.isinf(high):
-            return "any finite number"
+            return f"any number from {-_LARGEST:g} to {_LARGEST:g}"
         if math.isinf(high):
             return f"at least {low:g}"
         if math.isinf(low):
@@ -94,12 +100,18 @@ class Parameter:
         return f"{low:g} to {high:g}"
 
 
+#: largest magnitude of a parameter, also where a law sets no bound: sums of larger ones lose their digits
+_LARGEST = 1e12
+
+
 def _is_real(value: Any) -> bool:
     try:
         float(value)
-    except (TypeError, ValueError):
+    except OverflowError:
+        return isinstance(value, int)
+    except Exception:  # somebody else's __float__ may do anything
         return False
-    return not isinstance(value, complex)
+    return not isinstance(value, complex) and np.ndim(value) == 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,17 +294,48 @@ def model(
     cannot be read as a law.
     """
     if function is None:
-        return lambda f: _read(f, name, title, formula, source, doi)
-    return _read(function, name, title, formula, source, doi)
+        return lambda f: _read_or_collect(f, name, title, formula, source, doi)
+    return _read_or_collect(function, name, title, formula, source, doi)
+
+
+#: where the errors of functions that cannot be laws go while a file is run for all that it holds, and its name
+_faults: contextvars.ContextVar[tuple[dict[str, HeadwayError], str] | None] = contextvars.ContextVar(
+    "faults", default=None
+)
+
+
+@contextlib.contextmanager
+def collecting(faults: dict[str, HeadwayError], file: str) -> Iterator[None]:
+    """Within this, a function that cannot be a law puts its error into `faults` and stays a function."""
+    token = _faults.set((faults, file))
+    try:
+        yield
+    finally:
+        _faults.reset(token)
+
+
+def _read_or_collect(
+    function: Callable[..., Any], name: str | None, title: str | None, formula: str, source: str, doi: str
+) -> Any:
+    faults = _faults.get()
+    if faults is None:
+        return _read(function, name, title, formula, source, doi)
+    try:
+        return _read(function, name, title, formula, source, doi)
+    except HeadwayError as error:
+        faults[0][name or function.__name__] = HeadwayError(f"{faults[1]}: {error}")
+        return function
 
 
 def _read(
     function: Callable[..., Any], name: str | None, title: str | None, formula: str, source: str, doi: str
 ) -> Law:
-    own = name or function.__name__
+    own = name or str(getattr(function, "__name__", shorten(function)))
+    if not inspect.isfunction(function):
+        raise HeadwayError(f"law {own}: {shorten(function)} is not a plain Python function, of which a law is made")
     try:
         hints = get_type_hints(function, include_extras=True)
-    except NameError as error:
+    except Exception as error:  # an annotation is code of the law's author
         raise HeadwayError(f"law {own}: an annotation cannot be read ({error})") from None
     signals: list[str] = []
     parameters: dict[str, Parameter] = {}
@@ -303,7 +346,7 @@ def _read(
             raise HeadwayError(f"law {own}: *{p.name} is not allowed; name each signal and each parameter")
         else:
             if p.name not in SIGNALS:
-                raise unknown_name(f"signal of law {own}", p.name, SIGNALS)
+                raise _no_signal(own, p, hints.get(p.name))
             if p.default is not p.empty:
                 raise HeadwayError(
                     f"law {own}: signal {p.name} has a default value; parameters go after a '*', signals have none"
@@ -316,8 +359,31 @@ def _read(
     from headway.models.signs import wrong_sign
 
     if sentence := wrong_sign(law):
-        warnings.warn(sentence, HeadwayWarning, stacklevel=3)
+        warnings.warn(sentence, HeadwayWarning, stacklevel=4)
     return law
+
+
+#: what people call a signal → its name here
+_OTHER_NAMES = {
+    "gap": "s", "spacing": "s", "distance": "s", "headway": "s", "speed": "v", "velocity": "v", "relative_speed": "dv",
+    "delta_v": "dv", "deltav": "dv", "approach_rate": "dv", "acceleration": "a", "lead_speed": "vl",
+    "leader_speed": "vl", "v_lead": "vl", "v_leader": "vl", "lead_acceleration": "al", "a_lead": "al", "a_leader": "al",
+}  # fmt: skip
+
+
+def _no_signal(law: str, p: inspect.Parameter, hint: Any) -> HeadwayError:
+    """The error for a positional argument that is no signal: a parameter that lost its '*', or another name."""
+    if p.default is not p.empty or hint is not None:
+        return HeadwayError(
+            f"law {law}: {p.name} is no signal but looks like a parameter; put a '*' before the first parameter, "
+            f"e.g. ({', '.join(('s', 'v', 'dv'))}, *, {p.name}=…)"
+        )
+    if (name := _OTHER_NAMES.get(p.name.lower())) is not None:
+        return HeadwayError(
+            f"signal of law {law}: {p.name!r} is not known; did you mean {name!r}, {SIGNALS[name][1]}? "
+            f"Signals are {', '.join(SIGNALS)}"
+        )
+    return unknown_name(f"signal of law {law}", p.name, SIGNALS)
 
 
 def _parameter(law: str, p: inspect.Parameter, hint: Any) -> Parameter:
@@ -326,6 +392,8 @@ def _parameter(law: str, p: inspect.Parameter, hint: Any) -> Parameter:
         raise HeadwayError(f"law {law}: parameter {p.name} needs a default value")
     if not _is_real(p.default) or isinstance(p.default, bool):
         raise HeadwayError(f"law {law}: the default of parameter {p.name} is {shorten(p.default)}, not a number")
+    if not all(_is_real(x) for x in (info.low, info.high)):
+        raise HeadwayError(f"law {law}: bounds of parameter {p.name} are {shorten((info.low, info.high))}, not numbers")
     if not info.low < info.high:
         raise HeadwayError(f"law {law}: bounds of parameter {p.name} are {info.low:g} to {info.high:g}, an empty range")
     parameter = Parameter(p.name, float(p.default), info)

@@ -35,5 +35,10 @@ def find(name: str, own: Iterable[Law] = (), place: str = "model") -> Law:
     known = with_own(own)
     if name in known:
         return known[name]
+    # the laws are called IDM, OVM, … in Python and in print
+    same = [law for n, law in known.items() if isinstance(name, str) and n.lower() == name.lower()]
+    if len(same) == 1:
+        return same[0]
     error = unknown_name(place, name, known)
-    raise HeadwayError(f"{error} (a law from a file is allowed only by naming it: --model my.py:{name})")
+    example = name if isinstance(name, str) and name.isidentifier() and len(name) < 40 else "soft"
+    raise HeadwayError(f"{error} (a law from a file is allowed only by naming it: --model my.py:{example})")

@@ -6,11 +6,11 @@ whose motion is looked at, and how long ago. Delay lives here and in the stepper
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from headway.checked import number
 from headway.errors import HeadwayError, shorten, unknown_name
 from headway.models import RADIO, SIGNALS
 
@@ -30,18 +30,15 @@ def normalize_delay(value: Any) -> Delay:
             pairs.append((str(name), _seconds(f"delay.{name}", seconds)))
         return tuple(sorted(pairs))
     if isinstance(value, tuple):
+        if not all(isinstance(pair, tuple) and len(pair) == 2 and isinstance(pair[0], str) for pair in value):
+            raise HeadwayError(f"delay = {shorten(value)} is neither a number of seconds nor seconds by signal")
         return normalize_delay(dict(value))
     return _seconds("delay", value)
 
 
 def _seconds(place: str, value: Any) -> float:
-    if isinstance(value, bool | str):
-        raise HeadwayError(f"{place} = {shorten(value)} is not a number of seconds")
-    try:
-        seconds = float(value)
-    except (TypeError, ValueError):
-        raise HeadwayError(f"{place} = {shorten(value)} is not a number of seconds") from None
-    if not math.isfinite(seconds) or seconds < 0:
+    seconds = number(value, place, "s", "a number of seconds")
+    if seconds < 0:
         raise HeadwayError(f"{place} = {seconds:g} s is not allowed; a delay is a finite number of seconds, 0 or more")
     return seconds
 

@@ -16,8 +16,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from headway.data.cycles import CYCLES, load_cycle
-from headway.errors import HeadwayError, unknown_name
-from headway.scenario.fields import Finite, NonNegative, Numbers, Positive, spec, unit
+from headway.errors import HeadwayError, shorten, unknown_name
+from headway.limits import check_size
+from headway.scenario.fields import Described, Finite, NonNegative, Numbers, Positive, spec, unit
 from headway.scenario.motion import Motion, Piece, polyline, smooth_curve
 
 __all__ = [
@@ -45,7 +46,7 @@ _EDGE = [0.5, 0.0, 10.0]
 Edge = Annotated[NonNegative, unit("s", "duration of each edge, centred on it; 0 is an ideal jump", usual=_EDGE)]
 
 
-class Disturbance:
+class Disturbance(metaclass=Described):
     """Base of all leaders.
 
     A leader says of itself what others need to know of it, so that nobody asks for its kind.
@@ -202,6 +203,7 @@ class Square(Repeating):
 
     def motion(self, seed: int, duration: float) -> Motion:
         half, rim = math.pi / self.omega, 0.5 * self.edge
+        check_size(f"square.omega = {self.omega:g} rad/s", 2 * duration / half, "knots of the leader")
         count = int(duration / half) + 2
         times, speeds = [0.0, rim], [self.mean, self.mean + self.amplitude]
         for i in range(1, count):
@@ -227,6 +229,7 @@ class Sawtooth(Repeating):
     def motion(self, seed: int, duration: float) -> Motion:
         period, rim = 2.0 * math.pi / self.omega, 0.5 * self.edge
         peak = self.amplitude * (1.0 - self.edge / period)
+        check_size(f"sawtooth.omega = {self.omega:g} rad/s", 2 * duration / period, "knots of the leader")
         times, speeds = [0.0], [self.mean]
         for i in range(int(duration / period) + 2):
             middle = (i + 0.5) * period
@@ -246,6 +249,7 @@ class Triangle(Repeating):
 
     def motion(self, seed: int, duration: float) -> Motion:
         quarter = 0.5 * math.pi / self.omega
+        check_size(f"triangle.omega = {self.omega:g} rad/s", duration / quarter, "knots of the leader")
         corners = np.arange(int(duration / (2.0 * quarter)) + 2)
         times = np.concatenate(([0.0], (2 * corners + 1) * quarter))
         speeds = np.concatenate(([self.mean], self.mean + self.amplitude * (-1.0) ** corners))
@@ -271,7 +275,7 @@ class Multisine(Disturbance):
                     f"multisine.{name} has {len(values)} values but amplitudes has {len(self.amplitudes)}"
                 )
         if min(self.omegas) <= 0:
-            raise HeadwayError(f"multisine.omegas = {list(self.omegas)} must all be greater than 0")
+            raise HeadwayError(f"multisine.omegas = {shorten(list(self.omegas))} must all be greater than 0")
 
     @property
     def frequencies(self) -> tuple[float, ...]:
@@ -325,6 +329,7 @@ class Noise(Disturbance):
     random: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
+        check_size(f"noise.sample = {self.sample:g} s", duration / self.sample, "knots of the leader")
         # two samples beyond the end keep the path the same when only the duration changes
         count = math.ceil(duration / self.sample) + 3
         stream = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))

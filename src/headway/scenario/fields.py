@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar, dataclass_transform
@@ -12,9 +13,11 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
+from headway.checked import SMALLEST, too_large
 from headway.errors import HeadwayError, shorten, unknown_name
 
 __all__ = [
+    "Described",
     "Finite",
     "Negative",
     "NonNegative",
@@ -31,21 +34,33 @@ T = TypeVar("T")
 
 
 def _number(value: Any) -> Any:
-    """Accept what is a real number (also NumPy's); refuse text and truth values that pydantic would convert."""
-    if isinstance(value, bool | np.bool_ | str):
+    """Accept what is a real number (also NumPy's); refuse what pydantic would convert or cannot name."""
+    if isinstance(value, bool | np.bool_ | str | bytes | complex | np.complexfloating):
         raise ValueError("is not a number")
-    if isinstance(value, np.generic | np.ndarray) and np.ndim(value) == 0:
-        return float(value)
+    if isinstance(value, int | float | np.number) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        try:
+            return float(value)
+        except (OverflowError, TypeError, ValueError):
+            raise ValueError("is not a number that a computer can hold") from None
     return value
 
 
+def _positive(value: Any) -> Any:
+    number = _number(value)
+    if isinstance(number, float) and 0.0 < number < SMALLEST:
+        raise ValueError(f"is too small; allowed is {SMALLEST:g} or more")
+    return number
+
+
 def _numbers(value: Any) -> Any:
-    return tuple(float(_number(v)) for v in value) if isinstance(value, np.ndarray | list | tuple) else value
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    return tuple(_number(v) for v in value) if isinstance(value, list | tuple) else value
 
 
 # the bounds stand before the validator, so that the JSON schema tells them
 Finite = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_number)]
-Positive = Annotated[float, Field(allow_inf_nan=False, gt=0), BeforeValidator(_number)]
+Positive = Annotated[float, Field(allow_inf_nan=False, gt=0), BeforeValidator(_positive)]
 Negative = Annotated[float, Field(allow_inf_nan=False, lt=0), BeforeValidator(_number)]
 NonNegative = Annotated[float, Field(allow_inf_nan=False, ge=0), BeforeValidator(_number)]
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_numbers)]
@@ -71,15 +86,74 @@ def spec(cls: type[T]) -> type[T]:
     made: Any = pydantic_dataclass(frozen=True, config=settings)(cls)
     plain = made.__init__
 
+    names = field_names(made)
+
     @functools.wraps(plain)
     def checked(self: Any, *args: Any, **kwargs: Any) -> None:
+        place = getattr(made, "kind", made.__name__)
+        _bounded(made, {**dict(zip(names, args, strict=False)), **kwargs}, place)
         try:
             plain(self, *args, **kwargs)
         except ValidationError as error:
-            raise _sentence(error, made, getattr(made, "kind", made.__name__)) from None
+            raise _sentence(error, made, place) from None
 
     made.__init__ = checked
+    made.__signature__ = checked.__signature__ = _signature(made)  # type: ignore[attr-defined]  # read by inspect
     return made
+
+
+class Described(type):
+    """Class of described things: `dir` and `help` show their fields, and nothing of how they are checked."""
+
+    def __dir__(cls) -> list[str]:
+        hidden = ("pydantic", "dataclass_", "__match_args__", "__signature__", "__replace__")
+        return [n for n in super().__dir__() if not any(word in n for word in hidden)]
+
+
+def _signature(cls: type) -> inspect.Signature:
+    """How a described thing is made: its fields and their defaults."""
+    kind, empty = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.empty
+    defaults = {f.name: empty if f.default is dataclasses.MISSING else f.default for f in dataclasses.fields(cls)}
+    return inspect.Signature([inspect.Parameter(n, kind, default=d) for n, d in defaults.items()])
+
+
+def _bounded(cls: Any, values: Mapping[str, Any], place: str) -> None:
+    """Refuse numbers that are too large to mean anything in the unit of their field."""
+    for name, value in values.items():
+        field = cls.__pydantic_fields__.get(name)
+        if field is not None and not isinstance(value, str | bool | None.__class__):
+            _size(value, f"{place}.{name}", str((field.json_schema_extra or {}).get("unit", "")))
+
+
+#: fields are numbers, lists of numbers, or tables of pairs; what is nested deeper is refused for its kind
+_DEPTH = 4
+
+
+def _size(value: Any, place: str, symbol: str, depth: int = 0) -> None:
+    if isinstance(value, Mapping):
+        for key, entry in value.items():
+            _size(entry, f"{place}.{shorten(key)}", symbol, depth + 1)
+    elif isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0):
+        if depth < _DEPTH and not _all_within(value, symbol):
+            for i, entry in enumerate(value):
+                _size(entry, f"{place}.{i}", symbol, depth + 1)
+    elif isinstance(value, int | float | np.number) and not isinstance(value, bool | np.complexfloating):
+        if isinstance(value, int) and abs(value) >= 2**63:
+            raise HeadwayError(f"{place} = {shorten(value)} is too large; whole numbers are below 2^63")
+        if isinstance(value, int) and not symbol:
+            return  # a seed or a number of a vehicle, no quantity
+        # what is not finite is named by the field's own check
+        if math.isfinite(value) and (sentence := too_large(float(value), place, symbol)):
+            raise HeadwayError(sentence)
+
+
+def _all_within(values: Any, symbol: str) -> bool:
+    """Whether a list is made of numbers of a good size; looked at as one array, for lists may be long."""
+    try:
+        sizes = np.abs(np.asarray(values, dtype=float))
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return too_large(float(sizes.max(where=np.isfinite(sizes), initial=0.0)), "", symbol) is None
 
 
 def field_names(cls: type) -> tuple[str, ...]:
@@ -102,6 +176,7 @@ def build(cls: type[T], table: Mapping[str, Any], place: str) -> T:
     """Make a `cls` of a table read from a file; errors name `place`."""
     if not isinstance(table, Mapping):
         raise HeadwayError(f"{place} = {shorten(table)} is not a table; allowed keys are {', '.join(field_names(cls))}")
+    _bounded(cls, table, place)
     for key in table:
         if key not in field_names(cls):
             raise unknown_name(f"key in {place}", key, field_names(cls))

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
 
-from headway.errors import HeadwayError, did_you_mean, shorten, unknown_name
+from headway.checked import as_path, typed
+from headway.errors import HeadwayError, shorten, unknown_name
+from headway.limits import check_size
 from headway.models import Law, Model
-from headway.models.registry import BUILT_IN, find
+from headway.models.registry import BUILT_IN, find, with_own
+from headway.results import open_results
 from headway.scenario.disturbance import KINDS, Disturbance, kind_named
 from headway.scenario.fields import build, field_names
 from headway.scenario.recorded import Recorded
 from headway.scenario.scenario import Scenario
+from headway.scenario.toml import parse, read_table, value
 from headway.scenario.vehicle import Vehicle
 
 __all__ = [
@@ -31,38 +33,36 @@ FOLLOWER_KEYS = ("model", "parameters", "count", *(n for n in field_names(Vehicl
 _TOP_KEYS = ("leader", "followers", *(n for n in field_names(Scenario) if n not in ("leader", "followers")))
 
 
+@typed
 def load(path: str | os.PathLike[str], models: Iterable[Law] = ()) -> Scenario:
-    """The scenario in a TOML file. `models` are laws of one's own that the file may ask for.
+    """The scenario in a TOML file, or the one that a NetCDF file of results was made from.
 
-    Raises `HeadwayError` that names the place in the file for everything that is not allowed.
+    Args:
+        path: The file.
+        models: Laws of one's own that the file may ask for.
+
+    Raises:
+        HeadwayError: That names the place in the file for everything that is not allowed.
     """
-    return from_table(read_table(path), models, Path(path).parent)
+    file = as_path(path, "file")
+    if file.suffix != ".nc":
+        return from_table(read_table(file), models, file.parent)
+    text = open_results(file).attrs.get("scenario")
+    if not isinstance(text, str):
+        raise HeadwayError(f"{file}: the file does not say from which scenario it was made")
+    return from_table(parse(text, f"{file}: scenario"), models, file.parent)
 
 
+@typed
 def from_toml(text: str, models: Iterable[Law] = (), folder: str | os.PathLike[str] = ".") -> Scenario:
     """The scenario in a TOML text; relative paths in it start at `folder`."""
-    return from_table(_parse(text, "scenario"), models, folder)
-
-
-def read_table(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The raw table of a TOML file."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise HeadwayError(f"{path}: cannot be read ({reason})") from None
-    return _parse(text, str(path))
-
-
-def _parse(text: str, place: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise HeadwayError(f"{place}: not a TOML file ({error})") from None
+    return from_table(parse(text, "scenario"), models, folder)
 
 
 def from_table(table: Mapping[str, Any], models: Iterable[Law] = (), folder: str | os.PathLike[str] = ".") -> Scenario:
     """The scenario described by a table (see `docs/scenario.md`)."""
+    if not isinstance(table, Mapping):
+        raise HeadwayError(f"scenario = {shorten(table)} is not a table; a scenario needs a leader and followers")
     for key in table:
         if key not in _TOP_KEYS:
             raise unknown_name("key in the scenario", key, _TOP_KEYS)
@@ -85,9 +85,18 @@ def _leader(table: Any, folder: str | os.PathLike[str]) -> Disturbance:
         raise HeadwayError(f"leader.kind is missing; allowed are {', '.join(KINDS)}")
     kind = kind_named(table["kind"])
     fields = {k: v for k, v in table.items() if k != "kind"}
+    _not_above(fields, "leader", field_names(kind))
     if isinstance(fields.get("file"), str) and not os.path.isabs(fields["file"]):
         fields["file"] = os.path.normpath(os.path.join(folder, fields["file"]))
     return build(kind, fields, "leader")
+
+
+def _not_above(table: Mapping[str, Any], place: str, allowed: Iterable[str]) -> None:
+    """Refuse a key of the scenario that stands below the header of a table, where TOML gives it to that table."""
+    for key in table:
+        if key in _TOP_KEYS and key not in allowed:
+            header = "[[followers]]" if place.startswith("followers") else f"[{place}]"
+            raise HeadwayError(f"{place}.{key}: {key} belongs to the scenario; write it above the first {header}")
 
 
 def vehicles(tables: Any, models: Iterable[Law] = (), place_of_one: str | None = None) -> list[Vehicle]:
@@ -102,26 +111,33 @@ def vehicles(tables: Any, models: Iterable[Law] = (), place_of_one: str | None =
     if isinstance(tables, Mapping):
         tables = [tables]
     if not isinstance(tables, list) or not tables:
-        raise HeadwayError("followers must be one or more [[followers]] tables")
+        raise HeadwayError(f"followers must be one or more [[followers]] tables, not {shorten(tables)}")
+    check_size("[[followers]]", len(tables), "tables of followers")
+    known = with_own(models)
     found: list[Vehicle] = []
     for i, table in enumerate(tables):
         place = place_of_one or f"followers.{i}"
         if not isinstance(table, Mapping):
             raise HeadwayError(f"{place} = {shorten(table)} is not a table")
+        _not_above(table, place, FOLLOWER_KEYS)
         for key in table:
             if key not in FOLLOWER_KEYS:
                 raise unknown_name(f"key in {place}", key, FOLLOWER_KEYS)
         if "model" not in table:
-            raise HeadwayError(f"{place}.model is missing; allowed are {', '.join(sorted(BUILT_IN))}")
-        law = find(str(table["model"]), models, f"{place}.model")
+            raise HeadwayError(f"{place}.model is missing; allowed are {', '.join(sorted(known))}")
+        if isinstance(table["model"], list | Mapping):
+            raise HeadwayError(f"{place}.model = {shorten(table['model'])} is not the name of a law")
+        name = str(table["model"])  # a law may be called nan or inf, which TOML takes for numbers
+        law = known.get(name) or find(name, models, f"{place}.model")
         parameters = table.get("parameters", {})
         if not isinstance(parameters, Mapping):
             raise HeadwayError(f"{place}.parameters = {shorten(parameters)} is not a table")
         count = table.get("count", 1)
         if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 1_000_000:
             raise HeadwayError(f"{place}.count = {shorten(count)} is not a whole number from 1 to 1000000")
+        check_size(f"{place}.count = {count}", len(found) + count, "vehicles")
         try:
-            model = law(**parameters)
+            model = law(**{str(name): x for name, x in parameters.items()})
         except HeadwayError as error:
             raise HeadwayError(f"{place}.parameters: {error}") from None
         rest = {k: v for k, v in table.items() if k not in ("model", "parameters", "count")}
@@ -197,38 +213,55 @@ def override(table: dict[str, Any], assignment: str, more: tuple[str, ...] = ())
     """
     path, equals, text = assignment.partition("=")
     keys = path.strip().split(".")
-    if not equals or not all(keys):
-        raise HeadwayError(f"--set {assignment}: write path=value, e.g. followers.0.parameters.T=1.1")
-    try:
-        value = tomllib.loads(f"x = {text.strip()}")["x"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()
+    shown = assignment if len(assignment) <= 80 else f"{assignment[:79]}…"
+    if not equals or not all(keys) or len(keys) > _DEPTH:
+        raise HeadwayError(f"--set {shown}: write path=value, e.g. followers.0.parameters.T=1.1")
+    if len(keys) == 1 and keys[0] not in (*_TOP_KEYS, *more) and (near := _below(table, keys[0])):
+        raise HeadwayError(f"--set {shown}: {keys[0]!r} is not known; did you mean {near}={text.strip()[:20]}?")
+    given, assignment = value(text), shown
     place: Any = table
     for i, key in enumerate(keys[:-1]):
         place = _step(place, key, keys[: i + 1], assignment, more)
     last = keys[-1]
     if isinstance(place, list):
         _step(place, last, keys, assignment, more)
-        place[int(last)] = value
+        place[int(last)] = given
     elif isinstance(place, dict):
-        place[last] = value
+        place[last] = given
     else:
         raise HeadwayError(f"--set {assignment}: {'.'.join(keys[:-1])} is not a table")
+
+
+#: most parts of a path of `--set`
+_DEPTH = 16
+
+
+def _below(table: Mapping[str, Any], key: str) -> str | None:
+    """The path of a field or parameter called `key` further down in a table, or None."""
+    followers = table.get("followers")
+    for i, follower in enumerate(followers if isinstance(followers, list) else [followers]):
+        if isinstance(follower, Mapping):
+            law = BUILT_IN.get(str(follower.get("model")))
+            given = follower.get("parameters", {})
+            if (law is not None and key in law.parameters) or (isinstance(given, Mapping) and key in given):
+                return f"followers.{i}.parameters.{key}"
+            if key in FOLLOWER_KEYS:
+                return f"followers.{i}.{key}"
+    leader = table.get("leader")
+    kind = KINDS.get(str(leader.get("kind"))) if isinstance(leader, Mapping) else None
+    return f"leader.{key}" if kind is not None and key in field_names(kind) else None
 
 
 def _step(place: Any, key: str, path: list[str], assignment: str, more: tuple[str, ...]) -> Any:
     here = ".".join(path)
     if isinstance(place, list):
-        if not key.isdigit() or int(key) >= len(place):
+        if not (key.isascii() and key.isdecimal() and len(key) < 9) or int(key) >= len(place):
             raise HeadwayError(f"--set {assignment}: {here} does not exist; entries are 0 to {len(place) - 1}")
         return place[int(key)]
     if isinstance(place, dict):
         allowed = (*_TOP_KEYS, *more)
         if len(path) == 1 and key not in allowed:
-            raise HeadwayError(
-                f"--set {assignment}: {key!r} is not known; allowed are {', '.join(allowed)}"
-                f"{did_you_mean(key, allowed)}"
-            )
+            raise unknown_name(f"--set {assignment}", key, allowed)
         return place.setdefault(key, {})
     raise HeadwayError(f"--set {assignment}: {'.'.join(path[:-1])} is not a table")
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import BeforeValidator
 
+from headway.checked import as_path
 from headway.errors import HeadwayError
 from headway.scenario.disturbance import Disturbance, section
 from headway.scenario.fields import NonNegative, Numbers, Positive, spec, unit
@@ -20,7 +21,11 @@ __all__ = ["Recorded"]
 
 
 def _pairs(value: Any) -> Any:
-    return tuple(sorted((str(k), str(v)) for k, v in value.items())) if isinstance(value, dict) else value
+    if not isinstance(value, dict):
+        return value
+    if not all(isinstance(text, str) for pair in value.items() for text in pair):
+        raise ValueError('is not a table of texts, e.g. {speed = "v"}')
+    return tuple(sorted(value.items()))
 
 
 Pairs = Annotated[tuple[tuple[str, str], ...], BeforeValidator(_pairs)]
@@ -103,7 +108,8 @@ class Recorded(Disturbance):
 
 
 def _stamp(file: str) -> float:
-    return os.stat(file).st_mtime if os.path.exists(file) else 0.0
+    path = as_path(file, "recorded.file")
+    return path.stat().st_mtime if os.path.exists(path) else 0.0
 
 
 @functools.lru_cache(maxsize=16)

@@ -14,12 +14,13 @@ from pydantic import BeforeValidator
 
 from headway.errors import HeadwayError, shorten
 from headway.html import block, paragraph, table
+from headway.limits import check_size
 from headway.scenario.disturbance import Disturbance
-from headway.scenario.fields import Finite, NonNegative, Positive, described, spec, unit
+from headway.scenario.fields import Described, Finite, NonNegative, Positive, described, spec, unit
 from headway.scenario.motion import Motion
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["Scenario"]
+__all__ = ["MOST_SAMPLES", "Scenario"]
 
 
 def _leader(value: Any) -> Any:
@@ -41,12 +42,17 @@ def _followers(value: Any) -> Any:
 
 def _by_vehicle(value: Any) -> Any:
     """Offsets by vehicle number, as sorted pairs; keys may be text, as they are in TOML."""
-    pairs = dict(value) if isinstance(value, Mapping | tuple) else None
+    try:
+        pairs = dict(value) if isinstance(value, Mapping | tuple) else None
+    except (TypeError, ValueError):
+        pairs = None
     if pairs is None:
         raise HeadwayError(f"offsets = {shorten(value)} must map a vehicle number to a number, e.g. {{2: -3.0}}")
     try:
+        if any(isinstance(k, float | bool) or len(str(k)) > 9 for k in pairs):
+            raise ValueError
         return tuple(sorted((int(k), v) for k, v in pairs.items()))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise HeadwayError(f"offsets: {shorten(list(pairs))} are not all vehicle numbers") from None
 
 
@@ -55,7 +61,7 @@ def _gaps(value: Any) -> Any:
         return value
     gaps = tuple(value)
     for n, gap in enumerate(gaps, start=1):
-        if isinstance(gap, bool | str) or not gap > 0:
+        if not isinstance(gap, int | float | np.number) or isinstance(gap, bool) or not gap > 0:
             raise HeadwayError(f"scenario.gaps: follower {n} has {shorten(gap)}; a gap is a number greater than 0")
     return gaps
 
@@ -66,9 +72,12 @@ Offsets = Annotated[tuple[tuple[int, Finite], ...], BeforeValidator(_by_vehicle)
 #: longest step [s] where a scenario gives none
 _STEP = 0.01
 
+#: a run without `output_step` keeps every step, thinned to at most this many steps
+MOST_SAMPLES = 10_000
+
 
 @spec
-class Scenario:
+class Scenario(metaclass=Described):
     """A platoon behind a leader.
 
     Followers start in their model's exact equilibrium at `initial_speed` with constant history,
@@ -110,6 +119,7 @@ class Scenario:
             )
         if self.dt is not None and self.dt > self.end:
             raise HeadwayError(f"scenario.dt = {self.dt:g} s is longer than the duration, {self.end:g} s")
+        self._check_size()
         for number, vehicle in enumerate(self.followers, 1):
             # an explicit step longer than this makes the actuator's own decay grow
             if 0.0 < vehicle.lag < self.step / 2.0:
@@ -139,6 +149,21 @@ class Scenario:
                 "reduce its amplitude or raise its mean"
             )
         self.initial_gaps()
+
+    def _check_size(self) -> None:
+        """Refuse what would need more time or memory than anybody means, before anything is allocated."""
+        steps, count = self.end / self.step, len(self.followers)
+        run = f"scenario: {self.end:g} s in steps of {self.step:g} s"
+        check_size(run, steps, "steps")
+        check_size(f"{run} with {count} followers", steps * count, "steps of vehicles")
+        kept = min(steps, MOST_SAMPLES) if self.output_step is None else self.end / self.output_step
+        out = "" if self.output_step is None else f" and output_step = {self.output_step:g} s"
+        check_size(f"scenario: {count} followers{out}", kept * (count + 1), "kept values")
+        for number, vehicle in enumerate(self.followers, 1):
+            # each jump of its own acceleration comes back to it after this delay, again and again
+            if vehicle.channel.a > 0.0 and "a" in vehicle.model.law.signals:
+                late = f"follower {number}: delay {vehicle.channel.a:g} s of its own acceleration"
+                check_size(late, self.end / vehicle.channel.a, "echoes of an acceleration")
 
     @property
     def end(self) -> float:

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator
 from headway.errors import HeadwayError
 from headway.models import Law, Model
 from headway.scenario.channel import Channel, Delay, normalize_delay
-from headway.scenario.fields import Negative, NonNegative, Positive, spec, unit
+from headway.scenario.fields import Described, Negative, NonNegative, Positive, spec, unit
 
 __all__ = ["Vehicle"]
 
@@ -25,7 +25,7 @@ def _model(value: Any) -> Any:
 
 
 @spec
-class Vehicle:
+class Vehicle(metaclass=Described):
     """A follower.
 
     model: a model or a law (then with its default parameters).

@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from headway.checked import typed
 from headway.errors import HeadwayError, shorten, unknown_name
 
 __all__ = ["Between", "Design", "Points", "between", "points"]
@@ -33,6 +34,7 @@ class Between:
         return self.low + (self.high - self.low) * share
 
 
+@typed
 def between(low: float, high: float, count: int | None = None, *, log: bool = False) -> Between:
     """Values of an axis from `low` to `high`, both included: `count` in a grid, or the range of a design.
 
@@ -44,7 +46,7 @@ def between(low: float, high: float, count: int | None = None, *, log: bool = Fa
 def _between(place: str, low: Any, high: Any, count: Any, log: bool) -> Between:
     """Checked ends; errors name `place`."""
     for name, value in (("from", low), ("to", high)):
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not abs(value) < 1e300:
             raise HeadwayError(f"{place}: {name} = {shorten(value)} is not a finite number")
     if not low <= high:
         raise HeadwayError(f"{place}: from = {low:g} is greater than to = {high:g}")

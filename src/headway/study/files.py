@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from headway.checked import typed
 from headway.errors import HeadwayError, shorten, unknown_name
 from headway.models import Law
 from headway.scenario.files import from_table, read_table, vehicles
@@ -17,6 +18,7 @@ __all__ = ["load_study", "study_from_table"]
 _DESIGN = ("kind", "count", "seed")
 
 
+@typed
 def load_study(path: str | os.PathLike[str], models: Iterable[Law] = ()) -> Study:
     """The study in a TOML file: a scenario with `[axes]` and, optionally, `[design]` and `[types.<name>]`.
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from headway.checked import typed
 from headway.errors import HeadwayError, HeadwayWarning, shorten
 from headway.metrics.registry import Metric, chosen
 from headway.metrics.sizes import COLLISION, DEFAULT
@@ -320,6 +321,7 @@ class Study:
         }
 
 
+@typed
 def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     """What a store holds so far, as `Study.run` gives it; `HeadwayError` if it is not a store of a study."""
     store = Store.open(path)

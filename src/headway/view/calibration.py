@@ -285,6 +285,8 @@ def _band(fit: Fit, w: Array) -> tuple[Array | None, Array | None, Array | None]
 
 def penetration(found: xr.Dataset, title: str = "") -> Figure:
     """What `headway.calibration.one_in` found: growth of speed deviations and the least gap, by share of other cars."""
+    if "every" not in found.coords or "source" not in found.attrs:
+        raise HeadwayError("penetration draws what headway.calibration.one_in gives, and this dataset is another")
     figure = style.new_figure(2.7, title or f"One car in n is another, behind the leader of {found.attrs['source']}")
     left, right = figure.subplots(1, 2)
     share = np.array([100.0 / n if n else 0.0 for n in found.every.values])

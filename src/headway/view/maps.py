@@ -64,8 +64,8 @@ def panels(
     Raises `HeadwayError` if there is none.
     """
     given = list(maps.items()) if isinstance(maps, Mapping) else list(maps)
-    if not given:
-        raise HeadwayError("panels needs at least one map")
+    if not given or not all(isinstance(pair, tuple) and len(pair) == 2 for pair in given):
+        raise HeadwayError("panels needs at least one map, each with its title")
     for name, found in given:
         try:
             _check(found, None)

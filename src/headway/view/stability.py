@@ -196,7 +196,7 @@ def damping(ratios: Sequence[float] = (0.1, 1.0, 2.0), ax: Axes | None = None) -
     Time in units of 1/ω0. Overdamped gaps neither cross the equilibrium nor swing; the slower of their two
     decays leads, and critically damped ones are back first (the paper's fig:damping, by computation).
     """
-    if not ratios or not all(math.isfinite(xi) and xi > 0 for xi in ratios):
+    if not len(ratios) or not all(0 < float(xi) < math.inf for xi in ratios):
         raise HeadwayError(f"damping ratios must be above 0, not {shorten(tuple(ratios))}")
     figure, ax = style.canvas(ax, 3.0, "Return of the gap to equilibrium, by damping ratio")
     t = np.linspace(0.0, 25.0, 1200)

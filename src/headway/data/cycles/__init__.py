@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.checked import typed
 from headway.errors import unknown_name
 
 __all__ = ["CYCLES", "Cycle", "cycle_file", "load_cycle"]
@@ -50,6 +51,7 @@ def cycle_file(name: str) -> Path:
     return Path(str(files(__package__) / f"{name}.csv"))
 
 
+@typed
 @cache
 def load_cycle(name: str) -> Cycle:
     """The cycle called `name`, one of `CYCLES`; HeadwayError for another name."""
