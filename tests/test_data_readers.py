@@ -296,7 +296,7 @@ BAD = {
     "unit of nothing": (TIDY, {"units": {"velocity": "m/s"}}, r"units: 'velocity' is not known; allowed are gap"),
     "length zero": (TIDY, {"length": 0.0}, r"length 0.0 is not allowed"),
     "lengths too many": (TIDY, {"length": (4.0, 5.0, 6.0)}, r"each of the 2 vehicles"),
-    "length a word": (TIDY, {"length": "long"}, r"length 'long' is not a number"),
+    "length a word": (TIDY, {"length": "long"}, r"length needs a number or a list, each a number, not 'long'"),
     "vehicle= for tidy": (TIDY, {"vehicle": 3}, r"belong to the format 'ngsim', and this is 'tidy'"),
     "openacc, no spacing": ("Time,Speed1,Speed2\n1,1,1\n2,1,1\n", {}, r"there is no column 'IVS1'"),
     "openacc, as told": (TIDY, {"format": "openacc-astazero"}, r"there is no column 'Time'.*did you mean 'time_s'"),

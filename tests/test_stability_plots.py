@@ -132,7 +132,7 @@ def test_curves_differ_in_look_whatever_their_number():
         (lambda: plot.stability_map(circle(), point={"a": 1, "b": 2.5}), "reaches from -2 to 2"),
         (lambda: plot.stability_map(circle(third=np.array([0.5, 1.0])), ax=Figure().subplots()), "cannot share"),
         (lambda: plot.panels({}), "at least one map"),
-        (lambda: plot.panels({"left": 3}), "left: a figure of a map needs"),
+        (lambda: plot.panels({"left": 3}), r"\['left'\] needs a StabilityMap, not 3"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused_in_one_sentence(call, message):

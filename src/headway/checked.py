@@ -56,8 +56,6 @@ def number(value: Any, place: str, unit: str = "", kind: str = "a number") -> fl
         raise HeadwayError(f"{place} = {result} is not finite; {_limits(unit)}")
     if (sentence := too_large(result, place, unit)) is not None:
         raise HeadwayError(sentence)
-    if unit == "s" and 0.0 < abs(result) < SMALLEST:
-        raise HeadwayError(f"{place} = {result:g} s is too small; allowed are 0 and {SMALLEST:g} s or more")
     return result
 
 
@@ -114,13 +112,14 @@ _KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {
 
 #: classes of ours and of xarray's that are told by their name, so that nothing is imported to look at a value
 _CLASSES = {
-    "Dataset": "a dataset, as headway.simulate gives", "Scenario": "a headway.Scenario", "Vehicle": "a headway.Vehicle",
-    "Recording": "a recording, as headway.data.read gives", "Linear": "what headway.linearize gives",
-    "StabilityMap": "what headway.stability_map gives", "PaperMap": "a map of the paper",
-    "Fit": "what headway.calibrate gives", "Law": "a law of headway.models",
+    "Dataset": "a dataset, as headway.simulate returns", "Scenario": "a headway.Scenario",
+    "Vehicle": "a headway.Vehicle",
+    "Recording": "a recording, as headway.data.read returns", "Linear": "what headway.linearize returns",
+    "StabilityMap": "a StabilityMap", "PaperMap": "a map of the paper",
+    "Fit": "what headway.calibrate returns", "Law": "a law of headway.models",
     "Model": "a model, e.g. headway.models.IDM()", "Figure": "a figure of matplotlib",
     "Axes": "axes of matplotlib", "Study": "a headway.Study",
-    "Chain": "what headway.head_to_tail gives",
+    "Chain": "what headway.head_to_tail returns",
 }  # fmt: skip
 
 
@@ -193,10 +192,10 @@ def _check(value: Any, place: str, alternatives: list[tuple[str, str]]) -> None:
                 entries = value.items() if isinstance(value, Mapping) else enumerate(value)
                 for key, entry in entries:
                     if not _is(entry, of):
-                        raise HeadwayError(f"{place}[{key!r}] = {_short(entry)} is not {_called(of)}")
+                        raise HeadwayError(f"{place}[{key!r}] needs {_called(of)}, not {_short(entry)}")
             return
     words = dict.fromkeys(_needed(name, of) for name, of in alternatives if name != "None")
-    raise HeadwayError(f"{place} = {_short(value)} is not {' or '.join(words)}")
+    raise HeadwayError(f"{place} needs {' or '.join(words)}, not {_short(value)}")
 
 
 def _needed(name: str, of: str) -> str:

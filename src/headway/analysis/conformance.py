@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -56,6 +57,16 @@ def _annotated(law: Law) -> str | None:
     if bare:
         return f"{', '.join(bare)} should have a unit and bounds: Annotated[float, Param('s', 0.1, 5.0)]"
     return None
+
+
+def _used(law: Law) -> str | None:
+    """Parameters that the function's code never reads."""
+    code = getattr(law.function, "__wrapped__", law.function).__code__
+    read = {i.argval for i in dis.get_instructions(code) if i.opname.startswith("LOAD")} | {*code.co_cellvars}
+    # some versions read two at once
+    read |= {name for i in dis.get_instructions(code) if isinstance(i.argval, tuple) for name in i.argval}
+    idle = [n for n in (*law.signals, *law.parameters) if n not in read]
+    return f"{', '.join(idle)} is never used; take it out of the signature" if idle else None
 
 
 def _finite(law: Law) -> str | None:
@@ -186,6 +197,7 @@ def _drives(law: Law) -> str | None:
 
 _CHECKS: tuple[tuple[str, Callable[[Law], str | None], bool], ...] = (
     ("parameters have units and bounds", _annotated, False),
+    ("uses all that it asks for", _used, False),
     ("is finite wherever traffic can be", _finite, True),
     ("gives the same answer twice", _same_twice, True),
     ("has an equilibrium", _rests, True),

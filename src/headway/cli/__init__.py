@@ -82,8 +82,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _unwritten(error: OSError) -> str:
     """A disk that is full, a place that cannot be written to."""
-    where = f"{error.filename}: " if error.filename else ""
-    return f"{where}cannot be read or written ({error.strerror or error})"
+    where = error.filename or "standard output, or a file beside it,"
+    return f"{where} cannot be written or read ({error.strerror or error})"
 
 
 def _plain(error: cyclopts.CycloptsError) -> str:

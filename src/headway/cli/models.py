@@ -74,19 +74,23 @@ def check(
     json: Json = False,
 ) -> int:
     """Check laws of your own against what every law must be, and explain each failure. Exit code 1 if one fails."""
-    from headway.analysis.conformance import check_model
-    from headway.models.own import load_laws
+    from headway.analysis.conformance import Check, check_model
+    from headway.models.own import laws_and_faults
 
-    laws = load_laws(file, allow_wrong_sign=True)
+    laws, faults = laws_and_faults(file, allow_wrong_sign=True)
+    # a function that is no law does not keep the others from being checked
+    reports: dict[str, tuple[Check, ...]] = {
+        name: (Check("is a law", False, str(fault)),) for name, fault in faults.items()
+    }
     with show.working("checking (this compiles the law)"):
-        found = {law.name: check_model(law) for law in laws}
+        reports |= {law.name: check_model(law) for law in laws}
     if json:
-        show.print_json({name: [vars(c) for c in checks] for name, checks in found.items()})
+        show.print_json({name: [vars(c) for c in checks] for name, checks in reports.items()})
     else:
-        for name, checks in found.items():
+        for name, checks in reports.items():
             print(f"{name}:")
             for c in checks:
                 mark = "ok  " if c.passed else ("FAIL" if c.required else "note")
-                print(f"  {mark}  {c.name}" + ("" if c.passed else f": {c.message}"))
-    failed = any(not c.passed and c.required for checks in found.values() for c in checks)
+                show.say(c.name + ("" if c.passed else f": {c.message}"), f"  {show.verdict(mark, c.passed)}  ", 8)
+    failed = any(not c.passed and c.required for checks in reports.values() for c in checks)
     return 1 if failed else 0

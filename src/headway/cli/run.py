@@ -56,6 +56,9 @@ def run(
     if toml:
         print(description.to_toml(), end="")
         return
+    from headway.scenario.resolution import warn_of_coarse_step
+
+    warn_of_coarse_step(description, level=2)
     with show.working("simulating (the first run after installation compiles the engine)"):
         import_numba_without_blas()
         from headway.engine.simulate import solve

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["number", "print_json", "progress", "table", "working"]
+__all__ = ["number", "print_json", "progress", "say", "table", "verdict", "working"]
+
+
+#: a word longer than this may be broken to fit a table
+_WORD = 30
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -24,8 +31,11 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], lef
     from rich.table import Table
 
     sheet = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    # words stay whole: no column is narrower than its longest word
+    words = [max(len(w) for text in (name, *(r[i] for r in rows)) for w in text.split() or [""])
+             for i, name in enumerate(columns)]  # fmt: skip
     for i, name in enumerate(columns):
-        sheet.add_column(name, justify="left" if i < left else "right", overflow="fold")
+        sheet.add_column(name, justify="left" if i < left else "right", overflow="fold", min_width=min(words[i], _WORD))
     for row in rows:
         sheet.add_row(*row)
     plain: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}  # "[m]" is a unit, not a style
@@ -34,7 +44,26 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], lef
     if not console.is_terminal:
         natural = sum(max([len(c), *(len(r[i]) for r in rows)]) + 3 for i, c in enumerate(columns))
         console = Console(width=max(80, len(title), natural), **plain)
+    elif console.width < (least := sum(min(w, _WORD) + 3 for w in words)):
+        console = Console(width=least, **plain)
     console.print(sheet)
+
+
+def say(text: str, lead: str = "", indent: int = 0) -> None:
+    """Print a sentence after `lead`: on a terminal broken between words and indented, in a pipe as one line."""
+    if not sys.stdout.isatty():
+        print(f"{lead}{text}")
+        return
+    width = max(20, shutil.get_terminal_size().columns - indent)
+    lines = textwrap.wrap(text, width, break_on_hyphens=False) or [""]
+    print(lead + f"\n{' ' * indent}".join(lines))
+
+
+def verdict(text: str, good: bool | None) -> str:
+    """A verdict for people: green or red on a terminal that shows colours, plain elsewhere."""
+    if good is None or not sys.stdout.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return text
+    return f"\x1b[{32 if good else 31}m{text}\x1b[0m"
 
 
 def print_json(value: Any) -> None:

@@ -14,6 +14,7 @@ from headway.engine.plan import Plan, structure
 from headway.engine.run import Result, Run
 from headway.engine.trajectories import to_dataset
 from headway.errors import HeadwayError
+from headway.scenario.resolution import warn_of_coarse_step
 from headway.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def simulate(scenario: Scenario) -> xr.Dataset:
 
     Raises `HeadwayError` if a law returns a value that is not finite.
     """
+    warn_of_coarse_step(scenario)
     return to_dataset(scenario, solve(scenario))
 
 
@@ -53,6 +55,7 @@ def simulate_many(scenarios: Sequence[Scenario]) -> list[xr.Dataset]:
         groups.setdefault(structure(scenario), []).append(i)
     results: dict[int, Result] = {}
     for members in groups.values():
+        warn_of_coarse_step(scenarios[members[0]])
         size = lanes_per_block(scenarios[members[0]])
         for at in range(0, len(members), size):
             block = members[at : at + size]

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from headway.errors import HeadwayError
+
 __all__ = ["Dual", "derivative", "partials", "select", "value"]
 
 
@@ -95,7 +97,10 @@ class Dual:
     __hash__ = None  # type: ignore[assignment]  # equal values may differ in slope, so a dual is no key
 
     def __float__(self) -> float:
-        raise TypeError("a law turned a signal into a plain float, which loses its derivative")
+        raise HeadwayError(
+            "a law turned a signal into a plain float, which loses its derivative; take functions such as sqrt, exp "
+            "and tanh from numpy or headway.maths, not from math, and do not call float()"
+        )
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         if method != "__call__" or kwargs:
@@ -111,9 +116,19 @@ class Dual:
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
         if function is np.where and len(args) == 3:
             return select(*args)
+        if function is np.interp and len(args) == 3 and not any(isinstance(a, Dual) for a in args[1:]):
+            return _interpolated(*args)
         if function is np.clip and len(args) == 3:
             return _minimum(_maximum(args[0], args[1]), args[2])
         return NotImplemented
+
+
+def _interpolated(x: Dual, knots: Any, values: Any) -> Dual:
+    """`np.interp` of a table of numbers; its slope is that of the piece to the right, 0 outside."""
+    xp, fp = np.asarray(knots, dtype=float), np.asarray(values, dtype=float)
+    slopes = np.concatenate(([0.0], np.diff(fp) / np.diff(xp), [0.0]))
+    piece = np.where(x.value == xp[-1], 0, np.searchsorted(xp, x.value, side="right"))
+    return Dual(np.interp(x.value, xp, fp), slopes[piece] * x.slope)
 
 
 def value(x: Any) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from headway.checked import number
+from headway.checked import SMALLEST, number
 from headway.errors import HeadwayError, shorten, unknown_name
 from headway.models import RADIO, SIGNALS
 
@@ -40,7 +40,7 @@ def _seconds(place: str, value: Any) -> float:
     seconds = number(value, place, "s", "a number of seconds")
     if seconds < 0:
         raise HeadwayError(f"{place} = {seconds:g} s is not allowed; a delay is a finite number of seconds, 0 or more")
-    return seconds
+    return seconds if seconds >= SMALLEST else 0.0
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
+from headway.checked import SMALLEST
 from headway.errors import HeadwayError
 from headway.models import Law, Model
 from headway.scenario.channel import Channel, Delay, normalize_delay
@@ -24,6 +25,10 @@ def _model(value: Any) -> Any:
     return value
 
 
+def _lag(value: Any) -> Any:
+    return 0.0 if isinstance(value, float) and 0.0 < value < SMALLEST else value
+
+
 @spec
 class Vehicle(metaclass=Described):
     """A follower.
@@ -33,6 +38,8 @@ class Vehicle(metaclass=Described):
     lag: time constant [s] of a first-order actuator, a' = (command - a)/lag; 0 acts at once.
     length: [m], bumper to bumper gaps start behind it.
     limits: least and largest acceleration [m/s²] that the vehicle can be commanded, or None.
+
+    A delay or lag below a nanosecond is none.
     """
 
     model: Annotated[Any, BeforeValidator(_model)]
@@ -41,7 +48,7 @@ class Vehicle(metaclass=Described):
         BeforeValidator(normalize_delay),
         unit("s", "delay of all on-board signals, or of each signal by name"),
     ] = 0.0
-    lag: Annotated[NonNegative, unit("s", "time constant of the actuator")] = 0.0
+    lag: Annotated[NonNegative, BeforeValidator(_lag), unit("s", "time constant of the actuator")] = 0.0
     length: Annotated[NonNegative, unit("m", "length of the vehicle")] = 5.0
     limits: Annotated[
         tuple[Negative, Positive] | None,
