@@ -199,9 +199,14 @@ def undamped(s, v, dv, *, k: K = 0.25):
     return k * (s - 2.0)
 
 
+def idle(s, v, dv, *, k: K = 0.2, unused: K = 0.2):
+    return k * (s - 2.0 - 1.2 * v) + 0.6 * dv
+
+
 #: check → a law that fails it, and words of the explanation
 BROKEN = {
     "parameters have units and bounds": (bare, "k should have a unit and bounds"),
+    "uses all that it asks for": (idle, "unused is never used"),
     "is finite wherever traffic can be": (gappy, "it returns nan at s = 3, v = 0.5, dv = 3"),
     "is a number": (listing, "it returns ndarray, not a number"),
     "gives the same answer twice": (random, "two different numbers"),

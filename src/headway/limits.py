@@ -21,7 +21,7 @@ __all__ = ["LIMITS", "OutOfTime", "check_size", "factor", "time_limit"]
 
 #: what is counted → how many are allowed
 LIMITS: dict[str, float] = {
-    "steps": 2e7,
+    "steps": 5e6,
     "steps of vehicles": 2e10,
     "kept values": 1e8,
     "knots of the leader": 5e6,
