@@ -161,6 +161,7 @@ BASES: dict[str, tuple[str, ...]] = {
     "models": ("idm",),
     "check": ("soft.py",),
     "schema": (),
+    "metrics": (),
     "data list": (),
     "data info": ("trip.csv",),
     "data fetch": ("us06",),
@@ -221,7 +222,7 @@ def command_lines(seed: int, count: int) -> Iterator[list[str]]:
     """`count` command lines for each option of each command."""
     draw = random.Random(seed)
     for name, function in commands().items():
-        base = list(BASES[name])
+        base = list(BASES.get(name, ()))
         for option, kind in options(function):
             for _ in range(count):
                 value = values(kind, draw)
@@ -238,7 +239,7 @@ def command_lines(seed: int, count: int) -> Iterator[list[str]]:
                 else:
                     words = [value, *base[1:]]
                 yield [*name.split(), *words]
-            if name in ("schema", "data list"):
+            if name in ("schema", "data list", "metrics"):
                 break
 
 

@@ -46,7 +46,7 @@ def between(low: float, high: float, count: int | None = None, *, log: bool = Fa
 def _between(place: str, low: Any, high: Any, count: Any, log: bool) -> Between:
     """Checked ends; errors name `place`."""
     for name, value in (("from", low), ("to", high)):
-        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not abs(value) < 1e300:
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not -1e300 < value < 1e300:
             raise HeadwayError(f"{place}: {name} = {shorten(value)} is not a finite number")
     if not low <= high:
         raise HeadwayError(f"{place}: from = {low:g} is greater than to = {high:g}")
