@@ -111,6 +111,36 @@ def test_a_disk_that_takes_no_more_is_one_sentence_and_the_rest_can_be_done(tmp_
     assert study.run(store=path).identical(expected)
 
 
+def test_a_store_that_cannot_be_made_is_one_sentence_and_leaves_nothing(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        for size in (0, 100, 700):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+            with pytest.raises(HeadwayError, match="cannot be written"):
+                mixed().run(store=tmp_path / "study.zarr")
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+            assert list(tmp_path.iterdir()) == []
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, before)
+
+
+def test_a_mark_that_cannot_be_written_leaves_nothing_half_written(tmp_path, monkeypatch):
+    study, path = mixed(), tmp_path / "study.zarr"
+    study.run(store=path, shard=(1, 2), chunk=18)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("headway.study.store.os.replace", full)
+        with pytest.raises(HeadwayError, match=r"No space left on device.*can be resumed"):
+            study.run(store=path)
+    assert sorted(p.name for p in (path / "complete").iterdir()) == ["0.json", "zarr.json"]
+    assert study.run(store=path).identical(study.run())
+
+
 def test_pieces_of_a_process_that_dies_are_done_again():
     study = mixed()
     expected = study.run()
@@ -202,6 +232,13 @@ def test_command_line(tmp_path, cli):
     assert (tmp_path / "a.png").stat().st_size > 10_000
     code, out, _ = cli("study", "status", store, "--json")
     assert json.loads(out)["complete"] == json.loads(out)["pieces"]
+    assert "no piece is damaged" in cli("study", "status", store, "--check")[1]
+    broken = store / "least_gap" / "c" / "3" / "0"
+    whole = broken.read_bytes()
+    broken.write_bytes(whole[::-1])
+    code, out, _ = cli("study", "status", store, "--check", "--json")
+    assert json.loads(out)["damaged"] == [3]
+    broken.write_bytes(whole)
     assert cli("study", file, *options)[0] == 2
     assert cli("study", file, *options, "--resume")[0] == 0
     code, out, _ = cli("study", file, "--set", "axes.T=[1.0, 99.0]", "--metrics", "rms_gap, least_gap")
@@ -217,6 +254,9 @@ def test_command_line(tmp_path, cli):
         (("--set", "axes.Q=[1]"), "axes.Q names no field"),
         (("--set", "design.kind='sobol'"), "sobol needs count"),
         (("--set", "design.sed=1"), "did you mean 'seed'"),
+        (("--set", "design.duration=5"), "design.duration: a field of the scenario with one value stands above"),
+        (("--set", "axes.duration=5"), "axes.duration: a field of the scenario with one value stands above"),
+        (("--set", "axes.T=5"), "axes.T: 5 is not a list of values"),
         (("--shard", "3of4"), "write the part and how many there are"),
         (("--shard", "1/2"), "needs a store"),
         (("--metrics", "gap"), "metric: 'gap' is not known"),

@@ -67,6 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except HeadwayError as error:
         _fail(str(error))
     except KeyboardInterrupt:
+        print("headway: interrupted", file=sys.stderr)
         sys.exit(130)
     except BrokenPipeError:
         terminal.hush(sys.stdout)

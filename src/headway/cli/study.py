@@ -24,7 +24,7 @@ study_app = App(name="study", help="Run a scenario at many points, resumably, on
 #: exit code of what Ctrl-C ended
 _INTERRUPTED = 130
 
-_LOST = "nothing is kept without --store; with it, --resume goes on"
+_LOST = "nothing is kept yet; with --store, pieces that are done are, and --resume goes on"
 
 
 @study_app.default
@@ -53,7 +53,8 @@ def study(
     try:
         return _study(file, set_ or [], model or [], metrics, executor, shard, store, resume, out, figure, theory, json)
     except KeyboardInterrupt:
-        way = f"what is done is in {store}; go on with: the same command and --resume" if store else _LOST
+        kept = store is not None and store.exists()
+        way = f"what is done is in {store}; go on with: the same command and --resume" if kept else _LOST
         print(f"headway: interrupted; {way}", file=sys.stderr)
         return _INTERRUPTED
 

@@ -10,7 +10,9 @@ from typing import Any
 from headway.checked import typed
 from headway.errors import HeadwayError, shorten, unknown_name
 from headway.models import Law
+from headway.scenario.fields import field_names
 from headway.scenario.files import from_table, read_table, vehicles
+from headway.scenario.scenario import Scenario
 from headway.study.study import Study
 
 __all__ = ["load_study", "study_from_table"]
@@ -38,10 +40,13 @@ def study_from_table(
     design = _table("design", table.get("design", {}))
     for key in design:
         if key not in _DESIGN:
-            raise unknown_name("key in design", key, _DESIGN)
+            raise _misplaced("design", key) or unknown_name("key in design", key, _DESIGN)
     seed = design.get("seed", 0)
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise HeadwayError(f"design.seed = {shorten(seed)} is not a whole number of 0 or more")
+    for key, value in _table("axes", table["axes"]).items():
+        if not isinstance(value, list | Mapping) and (error := _misplaced("axes", key)):
+            raise error
     types = {
         name: vehicles([{**_table(f"types.{name}", t), "count": 1}], models, f"types.{name}")[0]
         for name, t in _table("types", table.get("types", {})).items()
@@ -56,6 +61,13 @@ def _table(place: str, value: Any) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise HeadwayError(f"{place} = {shorten(value)} is not a table")
     return value
+
+
+def _misplaced(place: str, key: str) -> HeadwayError | None:
+    """The error for a field of the scenario that stands below the header of a table, which TOML gives it to."""
+    if key not in field_names(Scenario):
+        return None
+    return HeadwayError(f"{place}.{key}: a field of the scenario with one value stands above the first [table]")
 
 
 def _flat(axes: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, Any]]:
