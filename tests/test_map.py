@@ -88,14 +88,80 @@ def test_critical_delay_of_the_sweep(a, T, delay):
 # -- boundaries ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("delay", [0.0, {"s": 1.0, "dv": 1.0}, {"s": 1.0, "vl": 1.0}])
-def test_boundary_over_time_gap_and_delay_is_the_critical_delay(delay):
-    found = stability_map(hw.Vehicle(IDM, delay=delay), {"T": (0.5, 2.5, 31), "delay": (0.0, 1.6, 31)}, speed=23.0)
+@pytest.mark.parametrize(("law", "name", "late"), [
+    (IDM, "delay", 1.0), (CACC, "radio_delay", {"vl": 1.0, "al": 1.0}), (IDM, "delay.s", {"s": 1.0}),
+    (IDM, "delay.vl", {"vl": 1.0}),
+])  # fmt: skip
+def test_boundary_over_time_gap_and_delay_is_the_critical_delay(law, name, late):
+    gap = "T" if law is IDM else "h"
+    found = stability_map(law, {gap: (0.5, 2.5, 31), name: (0.0, 3.0, 31)}, speed=23.0)
     points = np.concatenate(found.boundary[STABLE])
     assert len(points) > 20
     for T, tau in points[::12]:
-        exact = hw.linearize(hw.Vehicle(IDM(T=T), delay=delay), 23.0).critical_delay("string")
-        assert tau == pytest.approx(exact, abs=1.6e-6)
+        exact = hw.linearize(hw.Vehicle(law(**{gap: T}), delay=late), 23.0).critical_delay("string")
+        assert tau == pytest.approx(exact, abs=3e-6)
+
+
+@pytest.mark.parametrize("delay", [0.0, {"s": 1.0, "dv": 0.5}, {"s": 0.3, "vl": 0.6}])
+def test_map_of_critical_delays_scales_the_pattern_of_the_vehicle(delay):
+    axes = {"T": np.linspace(0.9, 2.5, 5), "a": np.linspace(0.8, 2.0, 3)}
+    found = stability_map(hw.Vehicle(IDM, delay=delay), axes, speed=23.0, what="critical_delay")
+    for i, T in enumerate(axes["T"]):
+        for j, a in enumerate(axes["a"]):
+            exact = hw.linearize(hw.Vehicle(IDM(T=T, a=a), delay=delay), 23.0).critical_delay("string")
+            assert found.dataset.critical_delay.values[i, j] == pytest.approx(exact, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize(("name", "own", "means"), [
+    ("delay", 0.0, lambda x: x),
+    ("delay", {"s": 0.7, "vl": 0.4}, lambda x: x),  # the pattern of the vehicle has no say, its radio is current
+    ("radio_delay", 0.2, lambda x: {"s": 0.2, "v": 0.2, "dv": 0.2, "a": 0.2, "vl": x, "al": x}),
+    ("radio_delay", {"s": 0.3, "al": 0.9}, lambda x: {"s": 0.3, "vl": x, "al": x}),
+    ("delay.al", {"vl": 0.3}, lambda x: {"vl": 0.3, "al": x}),
+])  # fmt: skip
+def test_axes_of_delays_mean_what_a_vehicle_means(name, own, means):
+    found = stability_map(hw.Vehicle(CACC, delay=own), {name: (0.0, 1.2, 7), "ka": (0.1, 0.9, 3)}, speed=20.0)
+    for i, x in enumerate(found.axes[name]):
+        for j, ka in enumerate(found.axes["ka"]):
+            linear = hw.linearize(hw.Vehicle(CACC(ka=ka), delay=means(float(x))), 20.0)
+            assert found.dataset.margin.values[i, j] == pytest.approx(linear.margin, rel=1e-6, abs=1e-8)
+
+
+def test_delays_of_both_kinds_are_axes_of_one_map():
+    found = stability_map(CACC, {"delay": (0.0, 0.4, 3), "radio_delay": (0.0, 0.6, 3)}, speed=20.0)
+    for i, x in enumerate(found.axes["delay"]):
+        for j, y in enumerate(found.axes["radio_delay"]):
+            late = {**dict.fromkeys(("s", "v", "dv", "a"), float(x)), **dict.fromkeys(("vl", "al"), float(y))}
+            linear = hw.linearize(hw.Vehicle(CACC, delay=late), 20.0)
+            assert found.dataset.margin.values[i, j] == pytest.approx(linear.margin, rel=1e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize(("axes", "words"), [
+    (None, "needs one to three axes by name"), ([("T", (1, 2))], "needs one to three axes by name"),
+    ({"T": (1.0, 2.0, 10**7), "a": (1.0, 2.0, 10**7)}, r"1e\+07 × 1e\+07 points"),
+    ({"T": (1.0, 2.0, 1e300)}, "names a larger number"), ({"T": (1.0, None)}, "is no range"),
+    ({"T": (1.0, 2.0, math.inf)}, "names a larger number"), ({"T": (1, 10**400)}, "is no range"),
+    ({"delay": (0.0, 1e308)}, "up to 1e\\+06 s"), ({"lag": (0.0, 1e30)}, "up to 1e\\+06 s"),
+])  # fmt: skip
+def test_axes_that_are_none_or_too_many(axes, words):
+    with pytest.raises(hw.HeadwayError, match=words) as told:
+        stability_map(IDM, axes, speed=20.0)
+    assert len(str(told.value)) <= 300
+
+
+def test_a_larger_map_is_made_on_purpose():
+    with pytest.raises(hw.HeadwayError, match="most"):
+        stability_map(IDM, {"T": (1.0, 2.0, 30)}, speed=20.0, most=20)
+    assert stability_map(IDM, {"T": (1.0, 2.0, 30)}, speed=20.0, most=40).dataset.verdict.size == 30
+
+
+@pytest.mark.parametrize(("law", "axis", "words"), [
+    (IDM, "radio_delay", "hears nothing by radio; its delays are those of delay"),
+    (hw.model(lambda vl, al, *, k=0.5: k * (vl - 20.0) + k * al), "delay", "measures nothing on board"),
+])  # fmt: skip
+def test_a_delay_without_effect_is_no_axis(law, axis, words):
+    with pytest.raises(hw.HeadwayError, match=words):
+        stability_map(law, {axis: (0.0, 1.0, 4)}, speed=20.0, gap=10.0)
 
 
 def test_boundary_without_delay_is_the_criterion():
@@ -224,7 +290,7 @@ def test_a_part_of_a_map_has_the_same_bits():
 
 
 def test_delays_of_minutes_are_swept_finely_instead_of_failing():
-    found = stability_map(hw.Vehicle(IDMSpacing, delay={"s": 1.0}), {"delay": (0.0, 150.0, 7)}, speed=20.0)
+    found = stability_map(IDMSpacing, {"delay.s": (0.0, 150.0, 7)}, speed=20.0)
     assert found.dataset.verdict.values.tolist() == [2, 1, 1, 1, 1, 1, 1]
 
 
@@ -326,11 +392,11 @@ def test_command_line_draws_the_papers_maps(cli, tmp_path, name):
     (["idm", "--x", "T=1:2", "--what", "strong"], "did you mean 'string'"),
     (["idm", "--x", "omega=0.1:2"], "omega belongs to a map of the gain"),
     (["idm", "--x", "delay=0:1", "--what", "critical_delay"], "delays are no axes"),
-    (["idm", "--x", "delay=0:1", "--y", "delay.s=0:1"], "delay signals one by one"),
+    (["idm", "--x", "delay=0:1", "--y", "delay.s=0:1"], "all these signals late alike or one by one"),
     (["idm", "--x", "delay.dv=0:1", "--y", "delay.vl=0:1"], "not both"),
     (["idm", "--x", "speed=40:50"], "no equilibrium at 45"),
     (["idm", "--x", "speed=10:20", "--speed", "15"], "speed is an axis of the map and given as 15"),
-    (["gmm", "--x", "alpha=1:2"], "every gap is an equilibrium"),
+    (["gmm", "--x", "alpha=1:2"], "with --gap, e.g. --gap 10"),
     (["fvdm"], "needs an axis"),
     (["idmm"], "did you mean 'idm'"),
     (["idm", "--speed", "20"], "--speed belongs to a map of one's own"),

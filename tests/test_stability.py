@@ -333,10 +333,9 @@ def test_command_line(cli):
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    (["idm"], "needs --speed"),
     (["idm", "--speed", "40"], "no equilibrium at 40 m/s"),
     (["idmm", "--speed", "20"], "did you mean 'idm'"),
-    (["gmm", "--speed", "20"], "every gap is an equilibrium"),
+    (["gmm", "--speed", "20"], "so name the one that is meant with --gap"),
     (["idm", "--speed", "20", "--delay", "soon"], "signal=seconds"),
     (["idm", "--speed", "20", "--delay", "al=1"], "does not perceive 'al'"),
     (["idm", "--speed", "20", "--set", "TT=1"], "'TT'"),

@@ -40,7 +40,7 @@ _NOTES = {"Scenarios and leaders": "Their fields, with units and bounds: [scenar
 _RESULTS = {
     "Theory": (
         "headway.analysis.linear.Linear",
-        "headway.analysis.stability.Chain",
+        "headway.analysis.platoon.Chain",
         "headway.analysis.margins.Margins",
         "headway.analysis.propagation.Propagation",
     ),

@@ -11,15 +11,16 @@ from headway import metrics as metrics
 from headway import models as models
 from headway import plot as plot
 from headway.analysis.conformance import check_model as check_model
-from headway.analysis.linear import head_to_tail as head_to_tail
 from headway.analysis.linear import linearize as linearize
 from headway.analysis.map import StabilityMap as StabilityMap
 from headway.analysis.map import stability_map as stability_map
+from headway.analysis.platoon import head_to_tail as head_to_tail
 from headway.calibration.fit import calibrate as calibrate
 from headway.engine.simulate import simulate as simulate
 from headway.engine.simulate import simulate_many as simulate_many
 from headway.errors import HeadwayError as HeadwayError
 from headway.errors import HeadwayWarning as HeadwayWarning
+from headway.errors import LeaderHeardError as LeaderHeardError
 from headway.errors import NoEquilibriumError as NoEquilibriumError
 from headway.errors import RestsEverywhereError as RestsEverywhereError
 from headway.explorer import explore as explore

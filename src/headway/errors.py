@@ -17,6 +17,7 @@ __all__ = [
     "LONGEST",
     "HeadwayError",
     "HeadwayWarning",
+    "LeaderHeardError",
     "NoEquilibriumError",
     "RestsEverywhereError",
     "did_you_mean",
@@ -47,6 +48,10 @@ class NoEquilibriumError(HeadwayError):
 
 class RestsEverywhereError(HeadwayError):
     """Every gap (or every speed) is a steady state of the law, so that one has to be given."""
+
+
+class LeaderHeardError(HeadwayError):
+    """A verdict on one vehicle was asked of a law that hears the platoon leader: only a whole platoon has one."""
 
 
 class HeadwayWarning(UserWarning):

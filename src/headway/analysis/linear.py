@@ -14,30 +14,29 @@ This is one formula for every law, whatever is late (theory: Wilson and Ward, Tr
 from __future__ import annotations
 
 import cmath
-import dataclasses
 import functools
 import math
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
+from headway.analysis import critical as critical_values
 from headway.analysis import stability
 from headway.analysis.corners import corner
-from headway.analysis.critical import critical_parameter
 from headway.analysis.margins import Margins, margins
 from headway.analysis.propagation import Propagation, Saddle, Verdict, growth, propagation, saddles
 from headway.analysis.quasipolynomial import QuasiPolynomial
 from headway.analysis.response import Response
-from headway.analysis.roots import Roots, rightmost
+from headway.analysis.roots import Roots, chain_abscissa, rightmost
+from headway.analysis.transfer import Parts, parts
 from headway.checked import typed
-from headway.errors import HeadwayError, HeadwayWarning, unknown_name
+from headway.errors import HeadwayError, HeadwayWarning, LeaderHeardError
 from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["Linear", "head_to_tail", "linearize"]
+__all__ = ["Linear", "linearize", "rests"]
 
 Damping = Literal["undamped", "underdamped", "critically damped", "overdamped"]
 
@@ -54,7 +53,7 @@ def linearize(vehicle: Vehicle | Model | Law, speed: float, gap: float | None = 
     s = car.model.equilibrium_gap(speed) if gap is None else float(gap)
     if s <= 0:
         raise HeadwayError(f"gap = {s:g} m is not positive")
-    if gap is not None and not _rests(car.model, float(speed), s):
+    if gap is not None and not rests(car.model, float(speed), s):
         raise HeadwayError(
             f"{car.model.name} does not rest at {speed:g} m/s and {s:g} m: it accelerates by "
             f"{float(car.model.at_rest(s, float(speed))):.3g} m/s²; leave the gap to it"
@@ -65,7 +64,7 @@ def linearize(vehicle: Vehicle | Model | Law, speed: float, gap: float | None = 
     return found
 
 
-def _rests(model: Model, speed: float, gap: float) -> bool:
+def rests(model: Model, speed: float, gap: float) -> bool:
     """Whether the model keeps this speed at this gap, to a millionth of a metre per second squared."""
     return abs(float(model.at_rest(gap, speed))) <= 1e-6
 
@@ -78,6 +77,11 @@ def _linear(car: Vehicle, speed: float, s: float) -> Linear:
                 f"{car.model.name} is not differentiable at {speed:g} m/s and {s:g} m: "
                 f"its derivative by {name} is {value}"
             )
+    if slopes.get("a", 0.0) == 1.0 and car.lag == 0.0 and car.channel.a == 0.0:
+        raise HeadwayError(
+            f"{car.model.name} hears its own acceleration at once with a gain of 1: what it commands is not defined; "
+            "give the vehicle a lag or delay.a"
+        )
     return Linear(car, speed, s, tuple(slopes.items()))
 
 
@@ -99,8 +103,8 @@ class Linear:
 
     @functools.cached_property
     def _loop(self) -> float:
-        """1 - f_a: what a law that hears its own acceleration is divided by (1 for all others)."""
-        return 1.0 - self.partials.get("a", 0.0)
+        """1 - f_a: what a law that hears its own acceleration is divided by; NaN where that is 0."""
+        return 1.0 - self.partials.get("a", 0.0) or math.nan
 
     @property
     def natural_frequency(self) -> float:
@@ -135,43 +139,24 @@ class Linear:
     # -- transfer functions ----------------------------------------------------------------------
 
     @functools.cached_property
+    def parts(self) -> Parts:
+        """Numerators, denominator and the two halves of the vehicle's own loop."""
+        return parts(self.partials, self.vehicle.channel, self.vehicle.lag)
+
+    @property
     def characteristic(self) -> QuasiPolynomial:
         """D(p), without the factor p that a law has which rests at every gap."""
-        return self._both[1]
+        return self.parts.bottom
 
-    @functools.cached_property
+    @property
     def numerator(self) -> QuasiPolynomial:
         """N(p), divided alike."""
-        return self._both[0]
+        return self.parts.top
 
-    @functools.cached_property
+    @property
     def leader_numerator(self) -> QuasiPolynomial:
         """Numerator of the answer to the platoon leader's speed; empty for laws that do not hear it."""
-        return self._both[2]
-
-    @functools.cached_property
-    def _plant(self) -> QuasiPolynomial:
-        """From speed to command: p² (1 + T_a p)."""
-        return QuasiPolynomial.of((1.0, 2, 0.0), (self.vehicle.lag, 3, 0.0))
-
-    @functools.cached_property
-    def _feedback(self) -> QuasiPolynomial:
-        """What the vehicle does about its own motion, p times the command per speed."""
-        f, c = self.partials, self.vehicle.channel
-        s, v, dv, a = (f.get(name, 0.0) for name in ("s", "v", "dv", "a"))
-        return QuasiPolynomial.of((s, 0, c.s), (dv, 1, c.own_speed_in_dv), (-v, 1, c.v), (-a, 2, c.a))
-
-    @functools.cached_property
-    def _both(self) -> tuple[QuasiPolynomial, QuasiPolynomial, QuasiPolynomial]:
-        f, c = self.partials, self.vehicle.channel
-        g = {name: f.get(name, 0.0) for name in ("s", "dv", "vl", "al", "v0l", "a0l")}
-        top = QuasiPolynomial.of(
-            (g["s"], 0, c.s), (g["dv"], 1, c.leader_speed_in_dv), (g["vl"], 1, c.vl), (g["al"], 2, c.al)
-        )
-        bottom = QuasiPolynomial.of(*self._plant.terms, *self._feedback.terms)
-        leader = QuasiPolynomial.of((g["v0l"], 1, c.v0l), (g["a0l"], 2, c.a0l))
-        common = min(q.lowest for q in (top, bottom, leader) if q.power.size)
-        return top.over(common), bottom.over(common), leader.over(common)
+        return self.parts.leader
 
     def transfer(self, p: Any) -> Any:
         """G(p), own speed over the speed of the vehicle ahead, at complex `p` of any shape."""
@@ -214,13 +199,17 @@ class Linear:
 
     @property
     def rightmost_root(self) -> complex:
-        """The rightmost characteristic root [1/s]."""
-        return complex(self.roots.roots[0])
+        """The rightmost characteristic root [1/s]; -inf where there is none."""
+        return complex(self.roots.roots[0]) if self.roots.roots.size else complex(-math.inf)
 
-    @property
+    @functools.cached_property
     def decay_rate(self) -> float:
-        """Rate [1/s] at which a small disturbance of one vehicle dies down; negative if it grows."""
-        return -self.rightmost_root.real
+        """Rate [1/s] at which a small disturbance of one vehicle dies down; negative if it grows, 0 if it stays.
+
+        It is that of the rightmost root, or of the endless chain of roots of a law that hears its own
+        acceleration late, where that lies farther to the right.
+        """
+        return -max(self.rightmost_root.real, chain_abscissa(self.characteristic))
 
     @property
     def locally_stable(self) -> bool:
@@ -229,30 +218,57 @@ class Linear:
 
     # -- string stability ------------------------------------------------------------------------
 
+    @property
+    def hears_leader(self) -> bool:
+        """Whether the law reacts to the platoon leader, so that growth from vehicle to vehicle is not one number."""
+        return self.leader_numerator.power.size > 0
+
+    def refuse_without_leader(self, what: str) -> None:
+        """Raise `LeaderHeardError` where `what` is no property of one vehicle, because it hears the platoon leader."""
+        if self.hears_leader:
+            raise LeaderHeardError(
+                f"{what}: {self.vehicle.model.name} hears the platoon leader, so no growth per vehicle is defined; "
+                "ask head_to_tail([vehicle] * n, speed) for a platoon"
+            )
+
     @functools.cached_property
+    def spectrum(self) -> stability.Spectrum:
+        """Margin and peak gain of G from one sweep; `LeaderHeardError` for a law that hears the platoon leader."""
+        self.refuse_without_leader("string stability of one vehicle")
+        return stability.spectrum(self.numerator, self.characteristic)
+
+    @property
     def peak(self) -> stability.Peak:
         """Supremum of |G(iω)| over all frequencies and where it is."""
-        return stability.peak(self.numerator, self.characteristic)
+        return self.spectrum.peak
 
     @property
     def peak_gain(self) -> float:
-        """sup |G(iω)|; 1 where no frequency is amplified (G(0) = 1), infinite if locally unstable."""
-        return self.peak.gain if self.locally_stable else math.inf
+        """sup |G(iω)|; 1 where no frequency is amplified (G(0) = 1), infinite if locally unstable.
+
+        It is at most 1 exactly where the vehicle, if locally stable, is `string_stable`.
+        """
+        peak = self.peak
+        return peak.gain if self.locally_stable else math.inf
 
     @property
     def peak_frequency(self) -> float:
-        """Frequency [rad/s] of the peak gain; 0 where it is reached in the limit of long waves."""
+        """Frequency [rad/s] of the peak gain; 0 where that is the limit of long waves, inf where of short ones."""
         return self.peak.frequency
 
     @property
     def string_stable(self) -> bool:
         """Strictly (L2) string stable: locally stable and |G(iω)| <= 1 at every frequency."""
-        return self.locally_stable and self.margin >= -stability.TOLERANCE
+        stable = self.spectrum.stable
+        return stable and self.locally_stable
 
-    @functools.cached_property
+    @property
     def margin(self) -> float:
-        """min over ω of (|D|² - |N|²)/ω², the long-wave limit included: negative where a frequency is amplified."""
-        return stability.margin(self.numerator, self.characteristic)
+        """min over ω of (|D|² - |N|²)/ω², both limits included: negative where a frequency is amplified.
+
+        -inf where waves shorter than any delay and lag are.
+        """
+        return self.spectrum.margin
 
     @property
     def long_wave(self) -> float:
@@ -260,9 +276,8 @@ class Linear:
 
         Negative: long waves grow. Positive is necessary for string stability and not sufficient.
         """
+        self.refuse_without_leader("long waves from vehicle to vehicle")
         return stability.long_wave(self.numerator, self.characteristic)
-
-    # -- answers in time -------------------------------------------------------------------------
 
     @functools.cached_property
     def response(self) -> Response:
@@ -291,6 +306,7 @@ class Linear:
 
         It is the total variation of the step response, to about 1e-9; infinite if locally unstable.
         """
+        self.refuse_without_leader("growth of a peak from vehicle to vehicle")
         return self.response.variation() if self.locally_stable else math.inf
 
     @property
@@ -301,8 +317,6 @@ class Linear:
         """
         return self.impulse_norm <= 1.0 + 1e-8
 
-    # -- where growth goes -----------------------------------------------------------------------
-
     @functools.cached_property
     def _saddles(self) -> tuple[Saddle, ...]:
         peaks = [] if self.string_stable else stability.amplified(self.numerator, self.characteristic)
@@ -311,6 +325,7 @@ class Linear:
 
     def propagation(self) -> Propagation:
         """Whether and where a disturbance of a long string of such vehicles grows: convective or absolute."""
+        self.refuse_without_leader("the spread of a wave")
         verdict: Verdict = (
             "locally unstable" if not self.locally_stable else "stable" if self.string_stable else "unstable"
         )
@@ -327,14 +342,12 @@ class Linear:
             return np.full(np.shape(ray), np.nan)[()]
         return growth(self._saddles, ray)
 
-    # -- margins ---------------------------------------------------------------------------------
-
     @functools.cached_property
     def margins(self) -> Margins:
         """Gain, phase and delay margin of the vehicle's own loop, with their frequencies."""
         if not self.locally_stable:
             return Margins(*[math.nan] * len(Margins._fields))
-        return margins(self._feedback, self._plant, stability.grid(self.numerator, self.characteristic))
+        return margins(self.parts.feedback, self.parts.plant, stability.grid(self.numerator, self.characteristic))
 
     @property
     def gain_margin(self) -> float:
@@ -353,58 +366,37 @@ class Linear:
 
     def slowed(self, factor: float) -> Linear:
         """The same vehicle with all delays times `factor`; where none is late, all on-board signals by `factor` s."""
-        return dataclasses.replace(self, vehicle=dataclasses.replace(self.vehicle, delay=self._pattern(factor)))
-
-    def _pattern(self, factor: float) -> Any:
-        delay = self.vehicle.delay
-        if isinstance(delay, float):
-            return factor * delay if delay > 0 else factor
-        if any(t > 0 for _, t in delay):
-            return {n: factor * t for n, t in delay}
-        return factor
+        return critical_values.slowed(self, factor)
 
     def critical_delay(self, kind: str) -> float:
         """The first delay [s] at which the verdict `kind` ("local" or "string") is lost.
 
         The pattern of late signals is kept and scaled; where none is late, all on-board signals are
-        made late alike. The answer is the longest delay of the pattern; 0 if the verdict is "unstable"
-        without any delay, infinite if no delay changes it.
+        made late alike. The answer is the longest delay of the pattern, whichever signal has it; 0 if
+        the verdict is "unstable" without any delay or with any, however short; infinite if no delay
+        up to 200 s changes it.
         """
-        if kind not in ("local", "string"):
-            raise unknown_name("kind of critical delay", kind, ("local", "string"))
-        unit = self.slowed(1.0).vehicle.channel.longest
-        return stability.critical_scale(self, kind, unit) * unit
+        return critical_values.critical_delay(self, kind)
+
+    def critical_delays(self) -> dict[str, float]:
+        """Critical delays [s] of both kinds; that of the string NaN for a law that hears the platoon leader."""
+        return {
+            "local": self.critical_delay("local"),
+            "string": math.nan if self.hears_leader else self.critical_delay("string"),
+        }
+
+    def why_none(self, kind: str) -> str:
+        """Why a critical delay is 0 for a vehicle that is stable without delay, in words; else empty."""
+        return critical_values.why_none(self, kind)
 
     def critical(self, parameter: str) -> float:
         """The value of a parameter, nearest to the present one, at which the string verdict changes; NaN if none does.
 
         All other parameters, the delays and the speed stay; the equilibrium gap follows.
         """
-        return critical_parameter(self, parameter, _linear)
+        return critical_values.critical_parameter(self, parameter, _linear)
 
     def _repr_html_(self) -> str:
         from headway.analysis.notebook import linear_html
 
         return linear_html(self)
-
-
-@typed
-def head_to_tail(
-    vehicles: Sequence[Vehicle], speed: float, gap: float | Sequence[float] | None = None
-) -> stability.Chain:
-    """Linear theory of a whole string, front to back: what reaches its tail, and its worst vehicle between.
-
-    `gap` [m], one or one for each vehicle, is that of the vehicles that rest at every gap; the others
-    take their own equilibrium.
-    """
-    if not vehicles:
-        raise HeadwayError("a string has at least one vehicle")
-    gaps = [gap] * len(vehicles) if gap is None or isinstance(gap, int | float) else list(gap)
-    known: dict[tuple[Vehicle, float | None], Linear] = {}
-    linears = []
-    for vehicle, s in zip(vehicles, gaps, strict=True):
-        if (vehicle, s) not in known:
-            needed = s is not None and s > 0 and _rests(vehicle.model, speed, s)
-            known[vehicle, s] = linearize(vehicle, speed, s if needed else None)
-        linears.append(known[vehicle, s])
-    return stability.Chain(tuple(linears))

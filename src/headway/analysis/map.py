@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis.points import Points
+from headway.analysis.points import Points, is_delay
+from headway.analysis.stability import VERDICTS
 from headway.checked import typed
-from headway.errors import HeadwayError, unknown_name
+from headway.errors import HeadwayError, shorten, unknown_name
 from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
 
@@ -36,7 +37,7 @@ WHAT = ("string", "local", "gain", "critical_delay")
 
 #: the classes of each kind of verdict by code; "frequency" is whether one frequency grows from vehicle to vehicle
 CLASSES = {
-    "string": ("no equilibrium", "locally unstable", "string unstable", "string stable"),
+    "string": VERDICTS,
     "local": ("no equilibrium", "locally unstable", "oscillating", "not oscillating"),
     "frequency": ("no equilibrium", "locally unstable", "grows", "does not grow"),
 }
@@ -44,6 +45,9 @@ CLASSES = {
 _UNITS = {"speed": "m/s", "gap": "m", "lag": "s", "omega": "rad/s"}
 _POINTS = {1: 1000, 2: 200, 3: 60}
 _PART = 2048
+
+#: points of a map that are allowed without being asked for, about a gigabyte while it is made
+MOST_POINTS = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,23 +109,29 @@ def stability_map(
     gap: float | None = None,
     omega: float | None = None,
     what: str = "string",
+    most: float = MOST_POINTS,
 ) -> StabilityMap:
     """Verdicts of `vehicle` over one to three axes.
 
     axes: by name, a range (low, high), a range with a number of points (low, high, count), or an array of
-        rising values. Names: a parameter of the law; `speed` [m/s]; `gap` [m]; `delay` [s] (scales the
-        vehicle's pattern of delays to this longest one; all on-board signals alike if none is late) or
-        `delay.s`, `delay.vl` … of one signal; `lag` [s]; `omega` [rad/s] (for "gain").
+        rising values. Names: a parameter of the law; `speed` [m/s]; `gap` [m]; `delay` [s], what
+        `Vehicle(delay=x)` says: all on-board signals late by x and the radio current; `radio_delay` [s]: all radio
+        signals late by x and those on board as they are; `delay.s`, `delay.vl` … [s] of one signal; `lag` [s];
+        `omega` [rad/s] (for "gain").
     speed, gap: of the platoon where they are no axes. Where the gap alone is given, the law's equilibrium
         speed at it is taken; both are needed where every gap is an equilibrium (GMM).
     what: "string", "local", "gain" or "critical_delay", see `StabilityMap`.
+    most: points up to which a map is made; name a larger number to have a larger map.
 
     Raises `HeadwayError` for names, ranges or combinations that mean nothing.
     """
     if what not in WHAT:
         raise unknown_name("kind of map", what, WHAT)
+    if not isinstance(axes, Mapping):
+        raise HeadwayError(f"axes = {shorten(axes)}: a map needs one to three axes by name, e.g. {{'T': (0.5, 2.5)}}")
     if not 1 <= len(axes) <= 3:
         raise HeadwayError(f"a map has one to three axes, not {len(axes)}")
+    _check_size(axes, most)
     car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
     values = {name: axis(name, given, len(axes)) for name, given in axes.items()}
     points = Points(car, tuple(values), speed, gap, omega, what)
@@ -146,11 +156,37 @@ def stability_map(
     return StabilityMap(dataset, trace(codes, list(values.values()), verdict, CLASSES[_kind(points)]))
 
 
+def _check_size(axes: Mapping[str, Any], most: float) -> None:
+    """Refuse a map of more points than `most` before anything is allocated."""
+    counts = [_count(given, len(axes)) for given in axes.values()]
+    total = math.prod(counts)
+    if total > most:
+        size = " × ".join(f"{count:.4g}" for count in counts)
+        raise HeadwayError(
+            f"a map of {size} points has {total:.3g}, some {200.0 * total / 1e9:.2g} GB; up to {most:.3g} are made "
+            "unless `most` (--most) names a larger number"
+        )
+
+
+def _count(given: Any, axes: int) -> float:
+    """How many values an axis will have, as far as that can be told; `axis` refuses the rest."""
+    if isinstance(given, tuple) and len(given) == 3 and isinstance(given[2], int | float):
+        return float(given[2]) if given[2] > 0 else 1.0
+    if isinstance(given, tuple) and len(given) in (2, 3):
+        return float(_POINTS[axes])
+    return float(np.size(given)) if isinstance(given, Sequence | np.ndarray) else 1.0
+
+
 def axis(name: str, given: Any, axes: int = 2) -> Array:
     """The values of an axis of a map with this number of axes; `HeadwayError` if they do not rise."""
     if isinstance(given, tuple) and len(given) in (2, 3):
-        low, high = float(given[0]), float(given[1])
-        count = int(given[2]) if len(given) == 3 else _POINTS[axes]
+        try:
+            low, high = float(given[0]), float(given[1])
+            count = int(given[2]) if len(given) == 3 else _POINTS[axes]
+        except (TypeError, ValueError, OverflowError):
+            raise HeadwayError(
+                f"axis {name}: {shorten(given)} is no range; write (low, high) or (low, high, count) in numbers"
+            ) from None
         if not (math.isfinite(low) and math.isfinite(high)):
             raise HeadwayError(f"axis {name}: {low:g} to {high:g} is not a finite range")
         if low == high:
@@ -162,8 +198,10 @@ def axis(name: str, given: Any, axes: int = 2) -> Array:
         return np.linspace(low, high, count)
     try:
         values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        raise HeadwayError(f"axis {name}: {given!r} is neither a range (low, high) nor an array of numbers") from None
+    except (TypeError, ValueError, OverflowError):
+        raise HeadwayError(
+            f"axis {name}: {shorten(given)} is neither a range (low, high) nor an array of numbers"
+        ) from None
     if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)) or not np.all(np.diff(values) > 0):
         raise HeadwayError(f"axis {name}: values must be at least two finite numbers that rise")
     return values
@@ -180,39 +218,29 @@ def _evaluate(points: Points, rows: Array, frequency: Array | None) -> dict[str,
         # the rows carry the pattern whose scale is looked for; the vehicle itself is not late
         judged = rows.copy()
         judged[:, [n.startswith("delay") for n in sweep.COLUMNS]] = 0.0
-    margin, growing = np.empty(count), np.empty(count, np.int64)
-    first, second = np.empty(count), np.empty(count)
-    pair = np.empty(count, np.bool_)
 
-    def work(part: slice) -> None:
+    def work(part: slice) -> dict[str, Any]:
         r = rows[part]
         if what == "local":
-            sweep.decay_rates(r, first[part], pair[part])
-            return
-        sweep.margins(judged[part], margin[part], growing[part])
-        if what == "gain" and frequency is not None:
-            sweep.gains(r, frequency[part], first[part])
-        elif what == "gain":
-            sweep.peaks(r, first[part], second[part])
-        elif what == "critical_delay":
-            sweep.critical_delays(r, first[part])
+            rate, oscillates = sweep.decays_of(r)
+            return {"verdict": np.where(rate > 0, np.where(oscillates, 2, 3), 1), "decay_rate": rate}
+        verdicts = sweep.judge(judged[part])
+        if what == "string":
+            return {"verdict": verdicts.codes, "margin": verdicts.margin}
+        if what == "critical_delay":
+            return {"verdict": verdicts.codes, what: sweep.critical_of(r)}
+        if frequency is None:
+            return {"verdict": verdicts.codes, what: sweep.peaks_of(r).gain}
+        gain = sweep.gain_of(r, frequency[part])
+        return {"verdict": np.where(verdicts.locally_stable, np.where(gain <= 1.0 + 1e-9, 3, 2), 1), what: gain}
 
     parts = [slice(i, min(i + _PART, count)) for i in range(0, count, _PART)]
     if len(parts) > 1:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(work, parts))
+            done = list(pool.map(work, parts))
     else:
-        for part in parts:
-            work(part)
-    if what == "local":
-        codes = np.where(first > 0, np.where(pair, 2, 3), 1)
-        return {"verdict": codes, "decay_rate": first}
-    codes = np.where(growing > 0, 1, np.where(margin >= -sweep.TOLERANCE, 3, 2))
-    if what == "gain" and frequency is not None:
-        codes = np.where(growing > 0, 1, np.where(first <= 1.0 + 1e-9, 3, 2))
-    if what == "string":
-        return {"verdict": codes, "margin": margin}
-    return {"verdict": codes, what: first}
+        done = [work(part) for part in parts]
+    return {name: np.concatenate([piece[name] for piece in done]) for name in done[0]}
 
 
 def trace(
@@ -306,12 +334,19 @@ def unit(car: Vehicle, name: str) -> str:
     """Unit of an axis."""
     if name in car.model.law.parameters:
         return car.model.law.parameters[name].info.unit
-    return "s" if name.startswith("delay") else _UNITS[name]
+    return "s" if is_delay(name) else _UNITS[name]
 
 
 def label(car: Vehicle, name: str) -> str:
     """What an axis is, in words."""
     if name in car.model.law.parameters:
         return car.model.law.parameters[name].info.text or name
-    words = {"delay": "delay", "lag": "actuator lag", "speed": "speed", "gap": "gap", "omega": "frequency"}
+    words = {
+        "delay": "delay",
+        "radio_delay": "radio delay",
+        "lag": "actuator lag",
+        "speed": "speed",
+        "gap": "gap",
+        "omega": "frequency",
+    }
     return words.get(name) or f"delay of {name.partition('.')[2]}"

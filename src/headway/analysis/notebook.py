@@ -16,7 +16,7 @@ __all__ = ["linear_html"]
 
 def linear_html(linear: Linear) -> str:
     """The verdict in words, and the numbers that it rests on."""
-    critical = {kind: linear.critical_delay(kind) for kind in ("local", "string")}
+    critical = linear.critical_delays()
     root = linear.rightmost_root
     rows = [
         ("speed", linear.speed, "m/s", "of everybody"),
@@ -28,11 +28,14 @@ def linear_html(linear: Linear) -> str:
             "1/s",
             "decays where its real part is negative",
         ),
-        ("peak gain", linear.peak_gain, "1", "largest |G(iω)|; above 1 a frequency grows"),
-        ("peak frequency", linear.peak_frequency, "rad/s", "where that is; 0 is the limit of long waves"),
         ("local critical delay", _delay(critical["local"]), "s", "from there on one vehicle does not settle"),
-        ("string critical delay", _delay(critical["string"]), "s", "from there on a platoon amplifies"),
     ]
+    if not linear.hears_leader:
+        rows += [
+            ("string critical delay", _delay(critical["string"]), "s", "from there on a platoon amplifies"),
+            ("peak gain", linear.peak_gain, "1", "largest |G(iω)|; above 1 a frequency grows"),
+            ("peak frequency", linear.peak_frequency, "rad/s", "where that is; 0 is the limit of long waves"),
+        ]
     slopes = [(f"∂f/∂{name}", value, _SLOPE[name]) for name, value in linear.partials.items()]
     return block(
         paragraph(f"{linear.vehicle.model!r}: {words.verdict(linear, critical)}"),

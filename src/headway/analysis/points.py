@@ -11,19 +11,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.errors import HeadwayError, unknown_name
+from headway.errors import HeadwayError, LeaderHeardError, unknown_name
 from headway.models import RADIO, Model, dual
 from headway.models.equilibrium import gaps_at
 from headway.scenario.channel import Channel
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["Points"]
+__all__ = ["Points", "is_delay"]
 
 Array = NDArray[np.float64]
 
-_PLAIN = ("speed", "gap", "delay", "lag", "omega")
+_PLAIN = ("speed", "gap", "delay", "radio_delay", "lag", "omega")
+#: delays and lags [s] that a map goes up to
+_MOST_SECONDS = 1e6
 #: what a steady state may accelerate [m/s²] and still count as one, where speed and gap are both given
 _RESTS = 1e-6
+
+
+def is_delay(name: str) -> bool:
+    """Whether an axis is a delay: `delay`, `radio_delay`, or that of one signal."""
+    return name in ("delay", "radio_delay") or name.startswith("delay.")
 
 
 @dataclass(frozen=True)
@@ -62,21 +69,42 @@ class Points:
             if low[name] < 0 or (low[name] == 0 and name in ("gap", "omega")):
                 kind = "above 0" if name in ("gap", "omega") else "0 or more"
                 raise HeadwayError(f"axis {name}: {low[name]:g} is not allowed; it must be {kind}")
+            if (is_delay(name) or name == "lag") and high[name] > _MOST_SECONDS:
+                raise HeadwayError(f"axis {name}: {high[name]:g} s is not allowed; it goes up to {_MOST_SECONDS:g} s")
         for name, number in (("speed", self.speed), ("gap", self.gap), ("omega", self.omega)):
             if number is not None and name in self.names:
                 raise HeadwayError(f"{name} is an axis of the map and given as {number:g}; leave one of them out")
         if self.has_frequency and self.what != "gain":
             raise HeadwayError(f"omega belongs to a map of the gain, not to one of {self.what}")
-        late = [n for n in self.names if n.startswith("delay")]
+        self._check_delays()
+        if self._given("speed") is None and self._given("gap") is None:
+            raise HeadwayError(f"a map of {law.name} needs the speed of the platoon [m/s], as a number or as an axis")
+        Channel.of(law.name, law.signals, tuple((n, 0.0) for n in self._pattern()))
+
+    def _check_delays(self) -> None:
+        """Raise `HeadwayError` for axes of delays that have no effect, or say of one signal two things."""
+        law = self._model.law
+        on_board, radio = (tuple(n for n in law.signals if (n in RADIO) == far) for far in (False, True))
+        late = [n for n in self.names if is_delay(n)]
         if self.what == "critical_delay" and late:
             raise HeadwayError(
                 f"axis {late[0]}: a map of the critical delay scales the pattern of delays, so delays are no axes of it"
             )
-        if "delay" in late and len(late) > 1:
-            raise HeadwayError(f"axes delay and {late[-1]}: scale the whole pattern or delay signals one by one")
-        if self._given("speed") is None and self._given("gap") is None:
-            raise HeadwayError(f"a map of {law.name} needs the speed of the platoon [m/s], as a number or as an axis")
-        Channel.of(law.name, law.signals, tuple((n, 0.0) for n in self._pattern()))
+        for name, signals, other, where in (
+            ("delay", on_board, "radio_delay", "measures nothing on board"),
+            ("radio_delay", radio, "delay", "hears nothing by radio"),
+        ):
+            if name not in late:
+                continue
+            if not signals:
+                raise HeadwayError(f"axis {name} has no effect: {law.name} {where}; its delays are those of {other}")
+            alone = [n for n in late if n.partition(".")[2] in signals or (name == "delay" and self._composed(n))]
+            if alone:
+                raise HeadwayError(f"axes {name} and {alone[0]}: make all these signals late alike or one by one")
+
+    def _composed(self, name: str) -> bool:
+        """Whether an axis makes the leader's speed in `dv` late by itself."""
+        return name == "delay.vl" and "vl" not in self._model.law.signals
 
     def rows(self, at: Mapping[str, Any]) -> tuple[Array, NDArray[np.bool_], Array | None]:
         """Rows of `sweep.COLUMNS` (*shape, columns), where there is an equilibrium, and the frequencies if there are.
@@ -93,10 +121,22 @@ class Points:
         for k, name in enumerate(COLUMNS):
             rows[..., k] = columns.get(name, 0.0)
         whole = np.broadcast_to(rests, shape)
+        self._refuse_leader(slopes, whole)
         rows[~whole] = 0.0
         rows[~whole, 0], rows[~whole, 1] = 1.0, -2.0  # any stable vehicle: these points are not looked at
         frequency = at.get("omega", self.omega)
         return rows, whole, None if frequency is None else np.ascontiguousarray(np.broadcast_to(frequency, shape))
+
+    def _refuse_leader(self, slopes: Mapping[str, Any], rests: NDArray[np.bool_]) -> None:
+        """Raise `LeaderHeardError` where growth per vehicle is asked of a law that hears the platoon leader."""
+        if self.what == "local":
+            return
+        for name in ("v0l", "a0l"):
+            if name in slopes and np.any(np.broadcast_to(slopes[name], rests.shape)[rests] != 0.0):
+                raise LeaderHeardError(
+                    f"a {self.what} map of {self._model.name}: it hears the platoon leader ({name}), so no growth per "
+                    "vehicle is defined; map what = 'local', or sweep head_to_tail_gain with Study.stability"
+                )
 
     def _given(self, name: str) -> Any:
         return name if name in self.names else getattr(self, name)
@@ -152,25 +192,29 @@ class Points:
         return found
 
     def _pattern(self) -> dict[str, float]:
-        """Delays by signal that axes change: the vehicle's own; all on-board signals by 1 s if none is late."""
+        """Delays [s] by signal: the vehicle's own, and those that axes change or a critical delay scales.
+
+        `delay` is what `Vehicle(delay=x)` says: all on-board signals late by x, and the radio current.
+        """
         signals = self._model.law.signals
         on_board = [n for n in signals if n not in RADIO]
         delay = self.vehicle.delay
-        given = dict.fromkeys(on_board, delay) if isinstance(delay, float) else dict(delay)
-        if not any(given.values()) and ("delay" in self.names or self.what == "critical_delay"):
+        given = dict.fromkeys(on_board if delay else (), delay) if isinstance(delay, float) else dict(delay)
+        if "delay" in self.names or (self.what == "critical_delay" and not any(given.values())):
             given = dict.fromkeys(on_board, 1.0)
+        if "radio_delay" in self.names:
+            given |= {n: 1.0 for n in signals if n in RADIO}
         return {**given, **{n.partition(".")[2]: 0.0 for n in self.names if n.startswith("delay.")}}
 
     def _delays(self, at: Mapping[str, Array]) -> dict[str, Any]:
         """The delays of a row, by column."""
         law, pattern = self._model.law, self._pattern()
-        unit = Channel.of(law.name, law.signals, tuple(pattern.items())).longest
-        factor = at["delay"] / unit if "delay" in at else 1.0
         total: dict[str, Any] = {}
         for name, seconds in pattern.items():
             # a channel is linear in the delays that were given
             alone = Channel.of(law.name, law.signals, tuple((n, float(n == name)) for n in pattern))
-            amount = at.get(f"delay.{name}", seconds * factor)
+            together = "radio_delay" if name in RADIO and name in law.signals else "delay"
+            amount = at.get(f"delay.{name}", at.get(together, seconds))
             for what, share in dataclasses.asdict(alone).items():
                 total[what] = total.get(what, 0.0) + share * amount
         renamed = {"leader_speed_in_dv": "leader", "own_speed_in_dv": "own"}

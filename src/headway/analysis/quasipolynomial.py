@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import cmath
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["QuasiPolynomial"]
+__all__ = ["HIGHEST", "QuasiPolynomial"]
+
+#: frequency [rad/s] beyond which nothing is told from the limit of short waves
+HIGHEST = 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,35 @@ class QuasiPolynomial:
         terms = n * (n - 1) * w ** np.maximum(n - 2, 0) + 2 * n * tau * w ** np.maximum(n - 1, 0) + tau**2 * w**n
         return np.sum(np.abs(self.coefficient) * terms, axis=-1)
 
+    def leads_from(self, other: QuasiPolynomial | None = None) -> float:
+        """Frequency beyond which the leading term on the imaginary axis exceeds all other terms and those of `other`.
+
+        Args:
+            other: a quasi-polynomial whose terms are to be exceeded as well.
+
+        Returns:
+            The frequency [rad/s], from 1 up to `HIGHEST`; infinite where the leading term never exceeds the rest.
+        """
+        n = self.degree
+        coefficient, power, delay = self.coefficient, self.power, self.delay
+        if other is not None:
+            coefficient = np.concatenate((coefficient, other.coefficient))
+            power = np.concatenate((power, other.power))
+            delay = np.concatenate((delay, np.full(other.power.size, np.inf)))  # never part of the leading term
+        now = delay == 0.0
+        first = abs(float(np.sum(coefficient[now & (power == n)])))
+        late = ~now & (power >= n)
+        # where nothing else has the highest power, the next one joins it at a right angle
+        second = 0.0 if late.any() else abs(float(np.sum(coefficient[now & (power == n - 1)])))
+        joined = now & ((power == n) | (power == n - 1 if second else False))
+        rest, rest_power = np.abs(coefficient[~joined]), power[~joined]
+        omega = 1.0
+        while omega < HIGHEST:
+            if math.hypot(first, second / omega) > np.sum(rest * omega ** (rest_power - float(n))):
+                return omega
+            omega *= 1.5
+        return math.inf
+
     @property
     def terms(self) -> list[tuple[float, int, float]]:
         """(coefficient, power, delay) of each term."""
@@ -82,10 +115,6 @@ class QuasiPolynomial:
     def over(self, power: int) -> QuasiPolynomial:
         """The quotient by p**power (no term may have a lower power)."""
         return QuasiPolynomial(self.coefficient, self.power - power, self.delay)
-
-    def slowed(self, factor: float) -> QuasiPolynomial:
-        """All delays times `factor`."""
-        return QuasiPolynomial.of(*((c, n, factor * tau) for c, n, tau in self.terms))
 
     def polynomial(self, delay: float) -> NDArray[np.float64]:
         """Coefficients, highest power first, of the terms with this delay."""

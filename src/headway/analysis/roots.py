@@ -10,14 +10,16 @@ the function along the imaginary axis tell. Without delays the roots are those o
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from headway.analysis.quasipolynomial import QuasiPolynomial
+from headway.analysis.search import root
 
-__all__ = ["Roots", "rightmost"]
+__all__ = ["Roots", "chain_abscissa", "growing_roots", "rightmost"]
 
 _NODES = (12, 24, 48, 96, 192)
 _SETTLED = 1e-9
@@ -34,40 +36,89 @@ class Roots(NamedTuple):
 
 
 def rightmost(characteristic: QuasiPolynomial, count: int = 6) -> Roots:
-    """The rightmost roots of a retarded characteristic function (highest power undelayed, or delayed and smaller)."""
+    """The rightmost roots of a characteristic function (highest power undelayed, or delayed and smaller).
+
+    A function without roots, a constant, has none in its answer.
+    """
     if not characteristic.delays:
         roots = np.asarray(np.roots(characteristic.polynomial(0.0)), dtype=np.complex128)
         return Roots(_sorted(roots)[:count], _residual(characteristic, roots), 0)
     previous = np.nan
     found = np.empty(0, complex)
     nodes = 0
-    near, unstable = _axis(characteristic)
+    near = _near_axis(characteristic)
+    growing = growing_roots(characteristic) if chain_abscissa(characteristic) < 0.0 else 0
     for nodes in _NODES:
         starts = _collocated(characteristic, nodes)
         starts = starts[np.argsort(-starts.real)][: 4 * count]
         found = _newton(characteristic, np.concatenate((starts, near)), count)
-        complete = np.count_nonzero(found.real > 0.0) >= min(unstable, count)
+        complete = np.count_nonzero(found.real > 0.0) >= min(growing, count)
         if complete and found.size and abs(found[0] - previous) < _SETTLED * (1.0 + abs(found[0])):
             break
         previous = found[0] if found.size else np.nan
     return Roots(found, _residual(characteristic, found), nodes)
 
 
-def _axis(f: QuasiPolynomial) -> tuple[NDArray[np.complex128], int]:
-    """Places iω with ω > 0 where |f| is small, the smallest first, and the number of roots to the right of the axis."""
-    leading = 2.0 * abs(f.polynomial(0.0)[0])
-    end = 1.0
-    while leading * end**f.degree < 1.2 * f.magnitude(end) and end < 1e4:
-        end *= 1.5
-    # its phase turns by π/8 from sample to sample by the longest delay, and by the roots nearby
-    omega = np.linspace(0.0, end, min(int(end * 8.0 * max(f.delays) / np.pi) + 400, 200_000))
+def chain_abscissa(f: QuasiPolynomial) -> float:
+    """Real part [1/s] that the endless chain of roots of a neutral equation tends to; -inf for a retarded one.
+
+    It solves Σ |c_k| e^{-σ τ_k} = |c_0| over the terms of the highest power, exact for one late term and for delays
+    without a common measure. From 0 on no delay, however short, leaves the equation stable (Hale and Verduyn Lunel,
+    Introduction to Functional Differential Equations, 9.6).
+    """
+    top = f.power == f.degree
+    now = abs(float(np.sum(f.coefficient[top & (f.delay == 0.0)])))
+    late, delay = np.abs(f.coefficient[top & (f.delay > 0.0)]), f.delay[top & (f.delay > 0.0)]
+    if not late.size:
+        return -math.inf
+    if now == 0.0:
+        return math.inf
+    if late.size == 1:
+        return math.log(float(late[0]) / now) / float(delay[0])
+    reach = math.log(float(late.sum()) / now)
+    ends = sorted((reach / float(delay.min()), reach / float(delay.max())))
+    return root(lambda x: float(np.sum(late * np.exp(-x * delay))) - now, ends[0] - 1e-9, ends[1] + 1e-9)
+
+
+def growing_roots(f: QuasiPolynomial) -> int:
+    """Number of roots with a positive real part, by the principle of the argument: n/2 - Δarg f(iω)/π.
+
+    For functions whose chain of roots, if they have one, lies to the left (`chain_abscissa`).
+    """
+    end = f.leads_from()
+    if not math.isfinite(end):
+        return 0 if f.degree == 0 else f.degree + 999
+    omega = _spaced(f, end)
     value = f(1j * omega)
-    # the highest power turns by a quarter for each root on the left and back for each on the right
-    turns = np.sum(np.angle(value[1:] / value[:-1])) / np.pi if np.all(value != 0.0) else 0.5 * f.degree
-    size = np.abs(value) / f.magnitude(omega)
+    for _ in range(40):
+        turn = np.angle(value[1:] * np.conj(value[:-1]))
+        wide = np.flatnonzero((np.abs(turn) > 1.1) & (np.diff(omega) > 1e-12 * (1.0 + omega[1:])))
+        if not wide.size:
+            break
+        middle = 0.5 * (omega[wide] + omega[wide + 1])
+        omega, value = np.insert(omega, wide + 1, middle), np.insert(value, wide + 1, f(1j * middle))
+    turned = float(np.sum(np.angle(value[1:] * np.conj(value[:-1]))))
+    # beyond the end the function stays within a quarter turn of its leading term
+    leading = float(f.polynomial(0.0)[0])
+    turned += float(np.angle(leading * 1j**f.degree * np.conj(value[-1])))
+    return max(round(0.5 * f.degree - turned / math.pi), 0)
+
+
+def _spaced(f: QuasiPolynomial, end: float) -> NDArray[np.float64]:
+    """Frequencies from 0 to `end` [rad/s] between which the longest delay turns by at most π/8, at most two million."""
+    longest = max(f.delays, default=0.0)
+    count = min(int(end * 8.0 * longest / np.pi) + 400, 2_000_000)
+    return np.union1d(np.linspace(0.0, end, count), np.geomspace(1e-3, end, 400))
+
+
+def _near_axis(f: QuasiPolynomial) -> NDArray[np.complex128]:
+    """Places iω with ω > 0 where |f| is small, the smallest first."""
+    end = min(f.leads_from(), 1e4)
+    omega = _spaced(f, end)[:200_000]
+    size = np.abs(f(1j * omega)) / f.magnitude(omega)
     low = np.flatnonzero((size[1:-1] <= size[:-2]) & (size[1:-1] < size[2:])) + 1
     best = low[np.argsort(size[low])][:_STARTS]
-    return np.asarray(1j * omega[best], dtype=np.complex128), max(round(0.5 * f.degree - turns), 0)
+    return np.asarray(1j * omega[best], dtype=np.complex128)
 
 
 def _collocated(characteristic: QuasiPolynomial, nodes: int) -> NDArray[np.complex128]:
@@ -138,9 +189,9 @@ def _newton(f: QuasiPolynomial, starts: NDArray[np.complex128], count: int) -> N
     different: list[complex] = []
     z = np.concatenate((z, np.conj(z)))  # a start on the upper half of the axis stands for a pair
     good = np.concatenate((good, good))
-    for root in z[good][np.argsort(-z[good].real)]:
-        if all(abs(root - other) > 1e-7 * (1.0 + abs(root)) for other in different):
-            different.append(complex(root))
+    for place in z[good][np.argsort(-z[good].real)]:
+        if all(abs(place - other) > 1e-7 * (1.0 + abs(place)) for other in different):
+            different.append(complex(place))
     return _sorted(np.array(different, dtype=complex))[:count]
 
 

@@ -96,7 +96,7 @@ def one_in(
 
 def _gain(string: Sequence[Vehicle], speed: float) -> float:
     """Supremum of the head-to-tail gain; infinite where a vehicle is locally unstable."""
-    from headway.analysis.linear import head_to_tail
+    from headway.analysis.platoon import head_to_tail
 
     chain = head_to_tail(list(string), speed)
     return chain.peak.gain if chain.locally_stable else math.inf

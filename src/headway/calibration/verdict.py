@@ -62,10 +62,10 @@ def linear_of(fit: Fit, car: Vehicle, speed: float) -> Linear | None:
 def verdict(fit: Fit, speed: float | None = None) -> StringVerdict:
     """The string-stability verdict of a fitted vehicle at `speed` [m/s], the mean of its training if None.
 
-    Raises HeadwayError where the fitted law has no equilibrium at that speed.
+    Raises HeadwayError where the fitted law has no equilibrium at that speed, LeaderHeardError where it hears the
+    platoon leader.
     """
     from headway.analysis import sweep
-    from headway.analysis.stability import TOLERANCE
 
     at = fit.speeds[1] if speed is None else float(speed)
     own = linear_of(fit, fit.vehicle, at)
@@ -75,11 +75,8 @@ def verdict(fit: Fit, speed: float | None = None) -> StringVerdict:
         )
     found = [lin for car in fit.draws if (lin := linear_of(fit, car, at)) is not None]
     rows = sweep.rows_of([own, *found])
-    count = len(rows)
-    gain, frequency, margin, growing = np.empty(count), np.empty(count), np.empty(count), np.empty(count, np.int64)
-    sweep.peaks(rows, gain, frequency)
-    sweep.margins(rows, margin, growing)
-    unstable = (margin < -TOLERANCE) | (growing > 0)
+    gain, frequency = sweep.peaks_of(rows)
+    unstable = ~sweep.judge(rows).string_stable
     # without refits that rest there is nothing to be sure by
     low, high = np.quantile(gain[1:], (0.025, 0.975), method="nearest") if found else (math.nan, math.nan)
     return StringVerdict(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from headway.cli import parse, show
+from headway.cli.equilibrium import SPEED, check_gap
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["map_"]
 
-#: where nothing else is said, the platoon drives as fast as in the paper [m/s]
-_SPEED = 23.0
 _ROWS = 9
 
 
@@ -28,10 +27,11 @@ def map_(
     *,
     x: Annotated[str | None, Parameter(help="First axis, e.g. T=0.5:2.5, or with a number of points T=0.5:2.5:100.")]
     = None,
-    y: Annotated[str | None, Parameter(help="Second axis, e.g. delay=0:1.5, delay.s=0:1, speed=5:30.")] = None,
+    y: Annotated[str | None, Parameter(help="Second axis: delay=0:1.5, radio_delay=0:1, delay.s=0:1, speed=5:30, …")]
+    = None,
     z: Annotated[str | None, Parameter(help="Third axis, e.g. omega=0.1:3 for a map of the gain.")] = None,
     what: Annotated[str, Parameter(help="string, local, gain or critical_delay.")] = "string",
-    speed: Annotated[float | None, Parameter(help="Speed of the platoon [m/s]; 23 if neither it nor a gap is given.")]
+    speed: Annotated[float | None, Parameter(help="Speed of the platoon [m/s]; 23 if neither it nor a gap tells it.")]
     = None,
     gap: Annotated[float | None, Parameter(help="Gap [m], where every gap is an equilibrium (GMM).")] = None,
     omega: Annotated[float | None, Parameter(help="One frequency [rad/s] for a map of the gain.")] = None,
@@ -44,6 +44,7 @@ def map_(
     out: Annotated[Path | None, Parameter(help="Write the map and its boundary to this NetCDF file.")] = None,
     figure: Annotated[Path | None, Parameter(help="Draw it: .png, .svg or .pdf.")] = None,
     json: Annotated[bool, Parameter(help="Print shares and boundary as JSON.")] = False,
+    most: Annotated[float | None, Parameter(help="Points up to which a map is made, 4 million if not given.")] = None,
 ) -> None:  # fmt: skip
     """Stability map over two or three axes, with exact theory and a traced boundary."""
     from headway.cli.run import check_target
@@ -69,12 +70,15 @@ def map_(
     laws = [law for reference in model or [] for law in load_laws(reference)]
     law = find(subject, laws)
     car = Vehicle(law(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag)
-    if speed is None and gap is None and not {"speed", "gap"} & set(axes):
-        speed = _SPEED
+    if speed is None and not {"speed", "gap"} & set(axes) and (gap is None or car.model.rests_everywhere):
+        speed = SPEED
+    if "gap" not in axes:
+        check_gap(car.model, gap)
     with show.working("computing the map (the first one after installation compiles)"):
         from headway.analysis.map import stability_map
 
-        found = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what)
+        limit = {} if most is None else {"most": most}
+        found = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what, **limit)
     if figure is not None:
         from headway import plot
 
@@ -145,10 +149,14 @@ def _shares(found: StabilityMap) -> str:
 
 def _sentence(car: Vehicle, found: StabilityMap) -> str:
     """What was mapped, and the answer in short."""
-    where = " and ".join(f"{n} {v[0]:g} to {v[-1]:g} {found.dataset[n].attrs['units']}" for n, v in found.axes.items())
+    from headway.analysis.points import is_delay
+
+    where = " and ".join(
+        f"{n} {v[0]:g} to {v[-1]:g} {found.dataset[n].attrs['units']}".rstrip() for n, v in found.axes.items()
+    )
     fixed = [f"{n} {found.dataset.attrs[n]:g} {u}" for n, u in (("speed", "m/s"), ("gap", "m"), ("omega", "rad/s"))
              if n in found.dataset.attrs]  # fmt: skip
-    late = f", delay {found.dataset.attrs['delay']}" if not any(n.startswith("delay") for n in found.axes) else ""
+    late = f", delay {found.dataset.attrs['delay']}" if not any(map(is_delay, found.axes)) else ""
     return f"{car.model.name} over {where}{''.join(f', {f}' for f in fixed)}{late}: {_shares(found)}"
 
 

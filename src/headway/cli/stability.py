@@ -9,13 +9,16 @@ from cyclopts import Parameter
 
 from headway.analysis.words import of_chain, times, verdict
 from headway.cli import parse, show
-from headway.errors import HeadwayError
+from headway.cli.equilibrium import SPEED, check_gap
 
 if TYPE_CHECKING:
     from headway.analysis.linear import Linear
-    from headway.analysis.stability import Chain
+    from headway.analysis.platoon import Chain
 
 __all__ = ["stability"]
+
+#: vehicles of the platoon that is judged where one vehicle has no verdict of its own
+_PLATOON = 10
 
 
 def stability(
@@ -23,7 +26,9 @@ def stability(
         str, Parameter(help="A model, or a scenario file or ready scenario (then every vehicle and the whole string).")
     ],
     *,
-    speed: Annotated[float | None, Parameter(help="Speed of the platoon [m/s]; a scenario brings its own.")] = None,
+    speed: Annotated[
+        float | None, Parameter(help="Speed of the platoon [m/s]; 23 if not given, a scenario brings its own.")
+    ] = None,
     gap: Annotated[float | None, Parameter(help="Gap [m], where every gap is an equilibrium (GMM).")] = None,
     set_: Annotated[
         list[str] | None,
@@ -44,27 +49,31 @@ def stability(
         _scenario(subject, set_ or [], model or [], speed, gap, json)
         return
     from headway.analysis.linear import linearize
+    from headway.analysis.platoon import Chain
     from headway.models.registry import find
     from headway.scenario.vehicle import Vehicle
 
-    if speed is None:
-        raise HeadwayError(f"stability of {subject} needs --speed, the speed of the platoon in m/s")
     car = Vehicle(
         find(subject, laws)(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag
     )
-    linear = linearize(car, speed, gap)
+    check_gap(car.model, gap)
+    linear = linearize(car, SPEED if speed is None else speed, gap)
     report = describe(linear)
+    # a law that hears the platoon leader has no verdict but that of a whole platoon
+    chain = Chain((linear,) * _PLATOON) if linear.hears_leader else None
     if json:
-        show.print_json(report)
-    else:
-        print(verdict(linear, report["critical_delay"]))
-        _print(report)
+        show.print_json(report if chain is None else {**report, "head_to_tail": _chain(chain)})
+        return
+    print(verdict(linear, report["critical_delay"]))
+    for words in of_chain(chain) if chain is not None else ():
+        print(words)
+    _print(report)
 
 
 def _scenario(
     name: str, assignments: list[str], references: list[str], speed: float | None, gap: float | None, json: bool
 ) -> None:
-    from headway.analysis.linear import head_to_tail
+    from headway.analysis.platoon import head_to_tail
     from headway.cli.run import read_scenario
 
     scenario = read_scenario(name, assignments, references)
@@ -92,7 +101,7 @@ def _chain(chain: Chain) -> dict[str, Any]:
     return {
         "vehicles": len(chain.vehicles),
         "locally_stable": chain.locally_stable,
-        "strictly_string_stable": chain.strictly_string_stable,
+        "strictly_string_stable": None if chain.hears_leader else chain.strictly_string_stable,
         "stable": chain.head_to_tail_stable,
         "peak_gain": peak.gain,
         "peak_frequency": peak.frequency,
@@ -119,32 +128,44 @@ def describe(linear: Linear) -> dict[str, Any]:
         "eigenvalues": [{"real": z.real, "imag": z.imag} for z in linear.eigenvalues],
         "locally_stable": linear.locally_stable,
         "rightmost_root": {"real": root.real, "imag": abs(root.imag)},
-        "string_stable": linear.string_stable,
-        "peak_gain": linear.peak_gain,
-        "peak_frequency": linear.peak_frequency,
-        "long_wave": linear.long_wave,
-        "impulse_norm": linear.impulse_norm,
-        "peak_stable": linear.peak_stable,
-        "propagation": linear.propagation()._asdict(),
+        **dict.fromkeys(_PER_VEHICLE),
+        **({} if linear.hears_leader else _per_vehicle(linear)),
         "margins": linear.margins._asdict(),
-        "critical_delay": {kind: linear.critical_delay(kind) for kind in ("local", "string")},
+        "critical_delay": linear.critical_delays(),
+    }
+
+
+#: what a law that hears the platoon leader has no answer to
+_PER_VEHICLE = (
+    "string_stable", "peak_gain", "peak_frequency", "long_wave", "impulse_norm", "peak_stable", "propagation",
+)  # fmt: skip
+
+
+def _per_vehicle(linear: Linear) -> dict[str, Any]:
+    return {
+        **{name: getattr(linear, name) for name in _PER_VEHICLE[:-1]},
+        "propagation": linear.propagation()._asdict(),
     }
 
 
 def _print(report: dict[str, Any]) -> None:
     root, critical = report["rightmost_root"], report["critical_delay"]
+    alone = {} if report["string_stable"] is None else {
+        "peak gain": f"{report['peak_gain']:.6g} at {report['peak_frequency']:.4g} rad/s",
+        "long waves": f"C = {report['long_wave']:.6g} 1/s²",
+        "largest peak": _largest_peak(report),
+        "along the road": _along_the_road(report["propagation"]),
+    }  # fmt: skip
+    string = "" if math.isnan(critical["string"]) else f", string {_seconds(critical['string'])}"
     lines = {
         "equilibrium gap": f"{report['gap']:.6g} m at {report['speed']:g} m/s",
         "partials": ", ".join(f"f_{n} = {x:.6g}" for n, x in report["partials"].items()),
         "natural frequency": f"{report['natural_frequency']:.6g} rad/s",
         "damping ratio": f"{show.number(report['damping_ratio'], 6)} ({report['damping_class']}, without delay)",
         "rightmost root": f"{root['real']:.6g} ± {root['imag']:.6g} i 1/s",
-        "peak gain": f"{report['peak_gain']:.6g} at {report['peak_frequency']:.4g} rad/s",
-        "long waves": f"C = {report['long_wave']:.6g} 1/s²",
-        "largest peak": _largest_peak(report),
-        "along the road": _along_the_road(report["propagation"]),
+        **alone,
         "margins": _margins(report["margins"]),
-        "critical delay": f"local {_seconds(critical['local'])}, string {_seconds(critical['string'])}",
+        "critical delay": f"local {_seconds(critical['local'])}{string}",
     }
     for name, text in lines.items():
         print(f"  {name:<18} {text}")

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from headway.analysis import words
-from headway.analysis.linear import Linear, head_to_tail
 from headway.analysis.map import label, stability_map, unit
+from headway.analysis.platoon import head_to_tail
 from headway.engine.run import Result
 from headway.engine.trajectories import to_dataset
 from headway.errors import HeadwayWarning
 from headway.explorer.picture import Picture, StaleError, linear_of
 from headway.explorer.state import State
+from headway.models import RADIO
 
 __all__ = ["figures", "map_key", "map_of", "verdicts"]
 
@@ -36,14 +37,10 @@ def verdicts(state: State, stale: Callable[[], bool]) -> list[str]:
             raise StaleError
         who = [n for n, other in enumerate(chain.vehicles, start=1) if other == linear]
         name = f"vehicle {who[0]}" + (f" and {len(who) - 1} like it" if len(who) > 1 else "")
-        sentences.append(f"{name}, {linear.vehicle.model.name}: {words.verdict(linear, _critical(linear))}")
+        sentences.append(f"{name}, {linear.vehicle.model.name}: {words.verdict(linear, linear.critical_delays())}")
     if stale():
         raise StaleError
     return sentences + words.of_chain(chain)
-
-
-def _critical(linear: Linear) -> dict[str, float]:
-    return {kind: linear.critical_delay(kind) for kind in ("local", "string")}
 
 
 def figures(state: State, result: Result) -> list[dict[str, Any]]:
@@ -87,15 +84,12 @@ def map_key(state: State) -> str:
     scenario, axes = state.scenario, [n for n, _, _ in state.axes]
     vehicle = scenario.followers[state.first]
     parameters = {n: x for n, x in vehicle.model.items if n not in axes}
-    delay = vehicle.delay
-    pattern: Any = delay
-    if "delay" in axes:
-        # the axis scales the pattern: only its shape counts
-        pairs = () if isinstance(delay, float) else delay
-        longest = max((t for _, t in pairs), default=0.0)
-        pattern = [(n, t / longest) for n, t in pairs] if longest > 0 else "alike"
-    elif not isinstance(delay, float):
-        pattern = [(n, t) for n, t in delay if f"delay.{n}" not in axes]
+    delay, signals = vehicle.delay, vehicle.model.law.signals
+    late = dict.fromkeys((n for n in signals if n not in RADIO), delay) if isinstance(delay, float) else dict(delay)
+    pattern: Any = [] if "delay" in axes else sorted(
+        (n, t) for n, t in late.items()
+        if f"delay.{n}" not in axes and not ("radio_delay" in axes and n in RADIO and n in signals)
+    )  # fmt: skip
     speed = None if "speed" in axes else scenario.cruise
     lag = None if "lag" in axes else vehicle.lag
     return json.dumps([vehicle.model.name, parameters, pattern, lag, speed, scenario.gaps, state.axes])

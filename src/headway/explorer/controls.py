@@ -92,16 +92,25 @@ def _axes(law: Law) -> dict[str, tuple[float, float]]:
             usual = abs(p.default) or 1.0
             low, high = max(p.info.low, 0.2 * usual), min(p.info.high, 2.5 * usual)
             found[p.name] = (float(f"{low:.3g}"), float(f"{high:.3g}"))
-    found["delay"] = (0.0, 1.5)
+    found |= dict.fromkeys(_delays(law), (0.0, 1.5))
     found |= {f"delay.{signal}": (0.0, 1.5) for signal in law.signals}
     return found | {"lag": (0.0, 1.0), "speed": (2.0, 32.0)}
 
 
+def _delays(law: Law) -> list[str]:
+    """Axes that make many signals late alike: those measured on board, those heard by radio."""
+    on_board, radio = set(law.signals) - RADIO, set(law.signals) & RADIO
+    return ["delay"] * bool(on_board) + ["radio_delay"] * bool(radio)
+
+
 def map_axes(law: Law) -> list[list[Any]]:
-    """The axes that a map of this law begins with: its time gap or its first parameter, and the delay."""
+    """The axes that a map of this law begins with: its time gap or its first parameter, and the delay.
+
+    The delay is that of the radio where the law hears any, as in the comparative study.
+    """
     axes = _axes(law)
     first = next((p.name for p in law.parameters.values() if p.name in axes and p.info.unit == "s"), next(iter(axes)))
-    second = "delay" if any(s not in RADIO for s in law.signals) else f"delay.{law.signals[0]}"
+    second = _delays(law)[-1]
     return [[first, *axes[first]], [second, *axes[second]]]
 
 

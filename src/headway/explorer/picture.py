@@ -16,13 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis.linear import Linear, head_to_tail
+from headway.analysis.linear import Linear
+from headway.analysis.platoon import head_to_tail
 from headway.engine.events import RunAlone
 from headway.engine.plan import Frame, Lanes, Plan, structure
 from headway.engine.run import Prepared, Result, Run
 from headway.engine.simulate import solve
 from headway.engine.trajectories import lengths
-from headway.errors import HeadwayError, HeadwayWarning
+from headway.errors import HeadwayError, HeadwayWarning, LeaderHeardError
 from headway.explorer.state import State
 from headway.scenario.motion import Motion
 from headway.scenario.scenario import Scenario
@@ -167,18 +168,17 @@ def _theory(state: State, arrays: dict[str, Array]) -> dict[str, Any]:
 
     try:
         linear = linear_of(state)
+        row = sweep.rows_of([linear])
+    except LeaderHeardError as error:
+        return {"theory": {"error": str(error), "word": "no verdict on one vehicle"}}
     except HeadwayError as error:
         return {"theory": {"error": str(error)}}
-    row = sweep.rows_of([linear])
-    least, growing, gain, where = np.empty(1), np.empty(1, np.int64), np.empty(1), np.empty(1)
-    sweep.margins(row, least, growing)
-    sweep.peaks(row, gain, where)
-    word = "locally unstable" if growing[0] else "string stable" if least[0] >= -sweep.TOLERANCE else "string unstable"
+    gain, where = sweep.peaks_of(row)
     arrays["omega"], arrays["gain"] = OMEGA, linear.gain(OMEGA)
     finite = bool(np.isfinite(gain[0]) and np.isfinite(where[0]))
     return {
         "theory": {
-            "word": word,
+            "word": sweep.judge(row).words[0],
             "peak": [float(where[0]), float(gain[0])] if finite else None,
             "gap": linear.gap,
             "speed": linear.speed,

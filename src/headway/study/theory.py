@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Mapping
 from concurrent.futures import CancelledError
@@ -10,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from headway.analysis.linear import head_to_tail
-from headway.analysis.stability import TOLERANCE, Chain
+from headway.analysis.platoon import Chain, head_to_tail, power
 from headway.errors import HeadwayError
 from headway.study.paths import Target
 from headway.study.templates import Table
@@ -22,9 +22,9 @@ __all__ = ["VERDICTS", "Theory", "TheoryJob"]
 #: what theory says of a point: unit and meaning
 VERDICTS = {
     "locally_stable": ("1", "every vehicle is locally stable (1) or not (0)"),
-    "string_stable": ("1", "every vehicle is strictly string stable (1) or not (0)"),
+    "string_stable": ("1", "every vehicle is strictly string stable (1) or not (0); NaN if one hears the leader"),
     "head_to_tail_stable": ("1", "no frequency is larger at the tail than at the head (1), or one is (0)"),
-    "margin": ("1/s²", "least margin of strict string stability, negative where it is lost"),
+    "margin": ("1/s²", "least margin of strict string stability, negative where it is lost; NaN as above"),
     "decay_rate": ("1/s", "least decay rate of a vehicle, negative where it grows"),
     "head_to_tail_gain": ("1", "supremum of the head-to-tail gain"),
 }
@@ -83,29 +83,20 @@ def verdicts(chain: Chain) -> dict[str, float]:
     """What theory says of a string, by name of `VERDICTS`: its vehicles by the compiled sweep, as maps do."""
     from headway.analysis import sweep
 
-    unique = list(dict.fromkeys(chain.vehicles))
-    rows, count = sweep.rows_of(unique), len(unique)
-    margin, growing, decay, pair = np.empty(count), np.empty(count, np.int64), np.empty(count), np.empty(count, bool)
-    sweep.margins(rows, margin, growing)
-    sweep.decay_rates(rows, decay, pair)
-    local, least = not growing.any(), float(margin.min())
-    gain = _gain(chain, rows) if local else float("inf")
+    rows = sweep.rows_of(list(dict.fromkeys(chain.vehicles)), local=True)
+    found = sweep.judge(rows)
+    local, least = bool(found.locally_stable.all()), float(found.margin.min())
+    # no vehicle has a verdict of its own where one hears the platoon leader; the whole platoon has
+    strict = {"string_stable": local and bool(found.string_stable.all()), "margin": least if local else min(least, 0.0)}
+    alone = len(rows) == 1 and not chain.hears_leader
+    gain = float("inf")
+    if local:
+        # a string of equal vehicles has a power of their gain
+        gain = power(float(sweep.peaks_of(rows).gain[0]), len(chain.vehicles)) if alone else chain.peak.gain
     return {
         "locally_stable": local,
-        "string_stable": local and least >= -TOLERANCE,
-        "head_to_tail_stable": local and gain <= 1.0 + 1e-9,
-        "margin": least if local else min(least, -0.0),
-        "decay_rate": float(decay.min()),
+        "head_to_tail_stable": strict["string_stable"] if alone else local and gain <= 1.0 + 1e-9,
+        "decay_rate": float(sweep.decays_of(rows).rate.min()),
         "head_to_tail_gain": gain,
+        **(dict.fromkeys(strict, math.nan) if chain.hears_leader else strict),
     }
-
-
-def _gain(chain: Chain, rows: np.ndarray) -> float:
-    """Supremum of the head-to-tail gain; a string of equal vehicles has a power of theirs."""
-    from headway.analysis import sweep
-
-    if len(rows) > 1 or chain.vehicles[0].leader_numerator.power.size:
-        return chain.peak.gain
-    gain, frequency = np.empty(1), np.empty(1)
-    sweep.peaks(rows, gain, frequency)
-    return float(gain[0]) ** len(chain.vehicles)

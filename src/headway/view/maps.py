@@ -345,12 +345,14 @@ def _facts(found: StabilityMap) -> str:
     parts = [str(attrs["parameters"])] if attrs.get("parameters") else []
     parts += [f"{n} {attrs[n]:g} {u}" for n, u in (("speed", "m/s"), ("gap", "m"), ("omega", "rad/s")) if n in attrs]
     delay = str(attrs.get("delay", ""))
-    scaled = "delay" in found.axes or found.what == "critical_delay"
-    if delay and scaled:
+    if delay and "delay" in found.axes:
+        parts.append("all on-board signals late alike, the radio current")
+    elif delay and found.what == "critical_delay":
         # a pattern is scaled; where there is none, all on-board signals are late alike
         parts.append(f"delays in the ratio of {delay}" if delay[0].isalpha() else "all on-board signals late alike")
     elif delay:
-        parts.append(f"other signals late by {delay}" if any(n.startswith("delay.") for n in found.axes) else
+        other = any(n.startswith(("delay.", "radio_delay")) for n in found.axes)
+        parts.append(f"other signals late by {delay}" if other else
                      f"delay {delay}")  # fmt: skip
     if attrs.get("lag") and "lag" not in found.axes:
         parts.append(f"lag {attrs['lag']:g} s")

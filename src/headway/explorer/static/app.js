@@ -68,7 +68,7 @@ function draw() {
 function badge() {
   const { word, peak, error } = run.theory, place = find("badge");
   const grows = word === "string unstable" && peak ? `, ${tell(peak[1], 3)}× at ${tell(peak[0], 2)} rad/s` : "";
-  place.value = error ? "no equilibrium" : word + grows;
+  place.value = word ? word + grows : "no equilibrium";
   place.dataset.word = word ?? "";
 }
 
@@ -80,9 +80,16 @@ function current(name, scenario = store.scenario, group = scenario.followers[sto
   const delay = group.delay ?? 0;
   if (name === "speed") return scenario.leader.mean ?? scenario.leader.speed;
   if (name === "lag") return group.lag ?? 0;
-  if (name === "delay") return typeof delay === "object" ? Math.max(0, ...Object.values(delay)) : delay;
+  const longest = (radio) => Math.max(0, ...Object.keys(delay).filter((s) => byRadio(group, s) === radio).map((s) => delay[s]));
+  if (name === "delay") return typeof delay === "object" ? longest(false) : delay;
+  if (name === "radio_delay") return typeof delay === "object" ? longest(true) : 0;
   if (head === "delay") return typeof delay === "object" ? delay[signal] ?? 0 : told.signals[signal].radio ? 0 : delay;
   return group.parameters?.[name] ?? told.models[group.model].parameters.find((p) => p.name === name)?.start;
+}
+
+// vl on a law that asks for dv alone is the leader's speed in it, which is seen and not received
+function byRadio(group, signal) {
+  return told.signals[signal].radio && told.models[group.model].signals.includes(signal);
 }
 
 let reshaped = false;
@@ -92,9 +99,13 @@ function assign(name, value) {
   if (name === "speed") scenario.leader["mean" in scenario.leader ? "mean" : "speed"] = value;
   else if (name === "lag") group.lag = value;
   else if (name === "delay") {
-    const pattern = group.delay, longest = current("delay");
-    if (typeof pattern === "object" && longest > 0) for (const key in pattern) pattern[key] *= value / longest;
-    else group.delay = value;
+    reshaped ||= typeof group.delay === "object";
+    group.delay = value;
+  } else if (name === "radio_delay") {
+    const signals = told.models[group.model].signals, given = group.delay ?? 0;
+    reshaped ||= typeof given !== "object";
+    const own = typeof given === "object" ? given : Object.fromEntries(signals.filter((s) => !told.signals[s].radio).map((s) => [s, given]));
+    group.delay = { ...own, ...Object.fromEntries(signals.filter((s) => told.signals[s].radio).map((s) => [s, value])) };
   } else if (head === "delay") {
     reshaped ||= typeof group.delay !== "object";
     if (typeof group.delay !== "object") {

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from headway.analysis.linear import Linear, linearize
-from headway.analysis.stability import Chain
+from headway.analysis.platoon import Chain
 from headway.errors import HeadwayError
 from headway.metrics import throughput
 from headway.study.benchmark.cells import PUBLISHED, Board
@@ -124,6 +124,9 @@ def _mixed(name: str, entries: Sequence[Entry], case: Late, speed: float) -> Mix
     try:
         chain = Chain(tuple(linear(e, e.delay(case.onboard, case.radio), speed) for e in entries))
         peak = chain.peak
+        if chain.hears_leader:
+            alone = "no verdict on single vehicles, one hears the platoon leader"
+            return Mixed(name, case.name, False, peak.gain, peak.frequency, alone)
         return Mixed(name, case.name, chain.strictly_string_stable, peak.gain, peak.frequency)
     except HeadwayError as error:
         return Mixed(name, case.name, False, math.nan, math.nan, str(error))
