@@ -14,6 +14,7 @@ import headway as hw
 from headway.analysis import sweep
 from headway.analysis.map import axis, stability_map
 from headway.analysis.paper_maps import NAMES, paper_map
+from headway.limits import LIMITS
 from headway.models import CACC, FVDM, GMM, IDM, OVM, IDMSpacing
 
 STABLE = "string stable"
@@ -137,10 +138,10 @@ def test_delays_of_both_kinds_are_axes_of_one_map():
 
 
 @pytest.mark.parametrize(("axes", "words"), [
-    (None, "needs one to three axes by name"), ([("T", (1, 2))], "needs one to three axes by name"),
-    ({"T": (1.0, 2.0, 10**7), "a": (1.0, 2.0, 10**7)}, r"1e\+07 × 1e\+07 points"),
-    ({"T": (1.0, 2.0, 1e300)}, "names a larger number"), ({"T": (1.0, None)}, "is no range"),
-    ({"T": (1.0, 2.0, math.inf)}, "names a larger number"), ({"T": (1, 10**400)}, "is no range"),
+    (None, "axes needs a mapping"), ([("T", (1, 2))], "axes needs a mapping"),
+    ({"T": (1.0, 2.0, 10**7), "a": (1.0, 2.0, 10**7)}, r"a map of 1e\+07 × 1e\+07 asks for 1e\+14 points"),
+    ({"T": (1.0, 2.0, 1e300)}, "HEADWAY_LIMIT"), ({"T": (1.0, None)}, "is no range"),
+    ({"T": (1.0, 2.0, math.inf)}, "HEADWAY_LIMIT"), ({"T": (1, 10**400)}, "is no range"),
     ({"delay": (0.0, 1e308)}, "up to 1e\\+06 s"), ({"lag": (0.0, 1e30)}, "up to 1e\\+06 s"),
 ])  # fmt: skip
 def test_axes_that_are_none_or_too_many(axes, words):
@@ -149,10 +150,12 @@ def test_axes_that_are_none_or_too_many(axes, words):
     assert len(str(told.value)) <= 300
 
 
-def test_a_larger_map_is_made_on_purpose():
-    with pytest.raises(hw.HeadwayError, match="most"):
-        stability_map(IDM, {"T": (1.0, 2.0, 30)}, speed=20.0, most=20)
-    assert stability_map(IDM, {"T": (1.0, 2.0, 30)}, speed=20.0, most=40).dataset.verdict.size == 30
+def test_a_larger_map_is_made_on_purpose(monkeypatch):
+    monkeypatch.setitem(LIMITS, "points of a map", 20)
+    with pytest.raises(hw.HeadwayError, match="HEADWAY_LIMIT=10 "):
+        stability_map(IDM, {"T": (1.0, 2.0, 30)}, speed=20.0)
+    monkeypatch.setenv("HEADWAY_LIMIT", "10")
+    assert stability_map(IDM, {"T": (1.0, 2.0, 30)}, speed=20.0).dataset.verdict.size == 30
 
 
 @pytest.mark.parametrize(("law", "axis", "words"), [

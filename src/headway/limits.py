@@ -26,6 +26,7 @@ LIMITS: dict[str, float] = {
     "kept values": 1e8,
     "knots of the leader": 5e6,
     "echoes of an acceleration": 2e4,
+    "points of a map": 4e6,
     "vehicles": 1e6,
     "tables of followers": 2e4,
 }

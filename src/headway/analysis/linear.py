@@ -190,8 +190,6 @@ class Linear:
         y = complex(self.gap_response(omega)) * amplitude
         return y.real, -y.imag
 
-    # -- local stability -------------------------------------------------------------------------
-
     @functools.cached_property
     def roots(self) -> Roots:
         """The rightmost characteristic roots, their residual and the number of nodes it took."""

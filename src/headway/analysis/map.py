@@ -22,6 +22,7 @@ from headway.analysis.points import Points, is_delay
 from headway.analysis.stability import VERDICTS
 from headway.checked import typed
 from headway.errors import HeadwayError, shorten, unknown_name
+from headway.limits import check_size
 from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
 
@@ -45,9 +46,6 @@ CLASSES = {
 _UNITS = {"speed": "m/s", "gap": "m", "lag": "s", "omega": "rad/s"}
 _POINTS = {1: 1000, 2: 200, 3: 60}
 _PART = 2048
-
-#: points of a map that are allowed without being asked for, about a gigabyte while it is made
-MOST_POINTS = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +107,6 @@ def stability_map(
     gap: float | None = None,
     omega: float | None = None,
     what: str = "string",
-    most: float = MOST_POINTS,
 ) -> StabilityMap:
     """Verdicts of `vehicle` over one to three axes.
 
@@ -121,17 +118,15 @@ def stability_map(
     speed, gap: of the platoon where they are no axes. Where the gap alone is given, the law's equilibrium
         speed at it is taken; both are needed where every gap is an equilibrium (GMM).
     what: "string", "local", "gain" or "critical_delay", see `StabilityMap`.
-    most: points up to which a map is made; name a larger number to have a larger map.
 
     Raises `HeadwayError` for names, ranges or combinations that mean nothing.
     """
     if what not in WHAT:
         raise unknown_name("kind of map", what, WHAT)
-    if not isinstance(axes, Mapping):
-        raise HeadwayError(f"axes = {shorten(axes)}: a map needs one to three axes by name, e.g. {{'T': (0.5, 2.5)}}")
     if not 1 <= len(axes) <= 3:
         raise HeadwayError(f"a map has one to three axes, not {len(axes)}")
-    _check_size(axes, most)
+    counts = [_count(given, len(axes)) for given in axes.values()]
+    check_size(f"a map of {' × '.join(f'{count:.4g}' for count in counts)}", math.prod(counts), "points of a map")
     car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
     values = {name: axis(name, given, len(axes)) for name, given in axes.items()}
     points = Points(car, tuple(values), speed, gap, omega, what)
@@ -154,18 +149,6 @@ def stability_map(
     codes = found["verdict"].astype(np.int8)
     dataset = _dataset(car, values, points, what, {**found, "verdict": codes})
     return StabilityMap(dataset, trace(codes, list(values.values()), verdict, CLASSES[_kind(points)]))
-
-
-def _check_size(axes: Mapping[str, Any], most: float) -> None:
-    """Refuse a map of more points than `most` before anything is allocated."""
-    counts = [_count(given, len(axes)) for given in axes.values()]
-    total = math.prod(counts)
-    if total > most:
-        size = " × ".join(f"{count:.4g}" for count in counts)
-        raise HeadwayError(
-            f"a map of {size} points has {total:.3g}, some {200.0 * total / 1e9:.2g} GB; up to {most:.3g} are made "
-            "unless `most` (--most) names a larger number"
-        )
 
 
 def _count(given: Any, axes: int) -> float:

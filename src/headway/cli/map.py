@@ -44,7 +44,6 @@ def map_(
     out: Annotated[Path | None, Parameter(help="Write the map and its boundary to this NetCDF file.")] = None,
     figure: Annotated[Path | None, Parameter(help="Draw it: .png, .svg or .pdf.")] = None,
     json: Annotated[bool, Parameter(help="Print shares and boundary as JSON.")] = False,
-    most: Annotated[float | None, Parameter(help="Points up to which a map is made, 4 million if not given.")] = None,
 ) -> None:  # fmt: skip
     """Stability map over two or three axes, with exact theory and a traced boundary."""
     from headway.cli.run import check_target
@@ -77,8 +76,7 @@ def map_(
     with show.working("computing the map (the first one after installation compiles)"):
         from headway.analysis.map import stability_map
 
-        limit = {} if most is None else {"most": most}
-        found = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what, **limit)
+        found = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what)
     if figure is not None:
         from headway import plot
 
