@@ -14,6 +14,7 @@ from study_cases import mixed
 import headway as hw
 from headway.engine.simulate import simulate
 from headway.errors import HeadwayError, HeadwayWarning
+from headway.limits import LIMITS
 from headway.metrics import summary
 from headway.models import CACC, FVDM, IDM, OVM
 from headway.scenario.disturbance import Brake, Sine
@@ -413,3 +414,51 @@ def test_a_map_says_which_part_it_shows_and_how_to_choose():
 def test_types_of_a_wrong_kind(types):
     with pytest.raises(HeadwayError, match="study: types"):
         Study(SCENARIO, {"T": [1.0]}, types=types)
+
+
+# -- sizes and kinds ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Study(SCENARIO, {"T": {"from": 1.0, "to": 2.0, "count": 10**12}}),
+        lambda: Study(SCENARIO, {"T": {"from": 1.0, "to": 2.0, "count": 10**400}}),
+        lambda: Study(SCENARIO, {"T": between(1.0, 2.0)}, "sobol", 10**10),
+        lambda: Study(SCENARIO, {"T": between(1.0, 2.0)}, "latin", 10**400),
+        lambda: Study(SCENARIO, {"T": between(1.0, 2.0, 10**6), "a": between(1.0, 2.0, 10**6)}).run(),
+        lambda: Study(SCENARIO, {"T": between(1.0, 2.0, 10**6), "a": between(1.0, 2.0, 10**6)}).stability(),
+    ],
+)
+def test_sizes_are_said_before_anything_is_allocated(make):
+    with pytest.raises(HeadwayError, match=r"asks for .* values of .*HEADWAY_LIMIT=\d+ in the environment"):
+        make()
+
+
+def test_a_limit_can_be_raised_on_purpose(monkeypatch):
+    monkeypatch.setitem(LIMITS, "values of all points", 10.0)
+    study = Study(SCENARIO, {"T": [1.0, 1.5]})
+    with pytest.raises(HeadwayError, match=r"the study \(2 points\) asks for \d+ values of all points"):
+        study.run()
+    monkeypatch.setenv("HEADWAY_LIMIT", "10")
+    assert (study.run().status == "ok").all()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"metrics": 3}, {"executor": None}, {"executor": []}, {"shard": 3}, {"shard": "ab"}, {"store": 3},
+        {"chunk": "a"}, {"chunk": True}, {"keep": 3}, {"keep": ["a"]}, {"keep": [99]}, {"progress": 3},
+    ],
+)  # fmt: skip
+def test_runs_of_a_wrong_kind_are_one_sentence_before_anything_runs(options, monkeypatch):
+    study = Study(SCENARIO, {"T": [1.0]})
+    monkeypatch.setattr("headway.study.work.Worker.__call__", None)
+    with pytest.raises(HeadwayError):
+        study.run(**options)
+
+
+@pytest.mark.parametrize("seed", [None, "a", -1, 1.5, True])
+def test_seeds_of_a_wrong_kind(seed):
+    with pytest.raises(HeadwayError, match="study: seed"):
+        Study(SCENARIO, {"T": between(1.0, 2.0)}, "sobol", 4, seed)

@@ -29,6 +29,8 @@ LIMITS: dict[str, float] = {
     "points of a map": 4e6,
     "vehicles": 1e6,
     "tables of followers": 2e4,
+    "values of axes": 2e7,
+    "values of all points": 5e8,
 }
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -79,7 +78,7 @@ def _study(
         override(table, assignment, more=("axes", "design", "types"))
     chosen = study_from_table(table, [law for m in models for law in load_laws(m)], file.parent)
     begin = time.perf_counter()
-    with _progress() as progress:
+    with show.progress("points") as progress:
         if theory:
             found = chosen.stability(executor, progress=progress)
         else:
@@ -138,26 +137,6 @@ def _part(text: str) -> tuple[int, int] | None:
     if not slash or not i.isdigit() or not n.isdigit():
         raise HeadwayError(f"--shard {text}: write the part and how many there are, e.g. 3/16")
     return int(i), int(n)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], Any] | None]:
-    """A bar with rate and time left on a terminal; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
-    from rich.text import Text
-
-    class Rate(ProgressColumn):
-        def render(self, task: Any) -> Text:
-            return Text(f"{task.speed:,.0f}/s" if task.speed else "")
-
-    columns = (TextColumn("points"), BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _report(found: xr.Dataset, seconds: float, written: list[Path], json: bool) -> None:

@@ -12,8 +12,12 @@ import numpy as np
 
 from headway.checked import typed
 from headway.errors import HeadwayError, shorten, unknown_name
+from headway.limits import check_size
 
-__all__ = ["Between", "Design", "Points", "between", "points"]
+__all__ = ["HUGE", "Between", "Design", "Points", "between", "points"]
+
+#: counts beyond this are one to a limit
+HUGE = 1e18
 
 Design = Literal["grid", "zip", "sobol", "latin", "random"]
 
@@ -54,6 +58,8 @@ def _between(place: str, low: Any, high: Any, count: Any, log: bool) -> Between:
         raise HeadwayError(f"{place}: from = {low:g} is not greater than 0, as a logarithmic scale needs")
     if count is not None and (isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1):
         raise HeadwayError(f"{place}: count = {shorten(count)} is not a whole number of 1 or more")
+    if count is not None:
+        check_size(f"{place}: count", float(min(count, HUGE)), "values of axes")
     return Between(float(low), float(high), None if count is None else int(count), log)
 
 
@@ -98,6 +104,7 @@ def points(axes: Mapping[Any, Any], design: Design = "grid", count: int | None =
         return (_grid if design == "grid" else _zip)(groups)
     if count is None or isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
         raise HeadwayError(f"design: {design} needs count, a whole number of points; it is {shorten(count)}")
+    check_size("design: count", float(min(count, HUGE)) * max(1, len(names)), "values of axes")
     return _drawn(groups, design, int(count), seed)
 
 

@@ -16,11 +16,12 @@ import numpy as np
 
 from headway.checked import typed
 from headway.errors import HeadwayError, HeadwayWarning, shorten
+from headway.limits import check_size
 from headway.metrics.registry import Metric, chosen
 from headway.metrics.sizes import COLLISION, DEFAULT
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
-from headway.study.axes import Design, Points, points
+from headway.study.axes import HUGE, Design, Points, points
 from headway.study.blocks import own_value
 from headway.study.dataset import assembled
 from headway.study.executors import Task, workforce
@@ -82,6 +83,8 @@ class Study:
             raise HeadwayError(f"study: {shorten(self.scenario)} is not a Scenario")
         if not isinstance(self.types, Mapping):
             raise HeadwayError(f"study: types = {shorten(self.types)} is not a mapping from a name to a Vehicle")
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int | np.integer) or self.seed < 0:
+            raise HeadwayError(f"study: seed = {shorten(self.seed)} is not a whole number of 0 or more")
         for name, vehicle in self.types.items():
             if not isinstance(name, str):
                 raise HeadwayError(f"study: types has {shorten(name)}, which is not a name")
@@ -112,12 +115,13 @@ class Study:
 
     # -- single points ---------------------------------------------------------------------------
 
+    @typed
     def scenario_at(self, point: int) -> Scenario:
         """The scenario of a point, counted from 0 with the last dimension fastest; `HeadwayError` if not allowed."""
-        if not 0 <= point < self.points.count:
-            raise HeadwayError(f"point {point} does not exist; there are points 0 to {self.points.count - 1}")
+        self._check_point(point)
         return Worker(self._job(())).scenario(self.points.take(np.array([point])), 0)
 
+    @typed
     def trajectories(self, keep: Iterable[int]) -> xr.Dataset:
         """Trajectories of some points, with the dimensions (kept, vehicle, time)."""
         import xarray as xr
@@ -129,11 +133,16 @@ class Study:
         together = xr.concat(parts, dim="kept", join="outer", combine_attrs="drop")
         return together.assign_coords(kept=("kept", numbers, {"long_name": "number of the point"}))
 
+    def _check_point(self, point: int) -> None:
+        if not 0 <= point < self.points.count:
+            raise HeadwayError(f"point {point} does not exist; there are points 0 to {self.points.count - 1}")
+
     # -- running ---------------------------------------------------------------------------------
 
+    @typed
     def run(
         self,
-        metrics: Iterable[Any] | None = None,
+        metrics: str | Iterable[Any] | None = None,
         executor: Any = "threads",
         *,
         shard: tuple[int, int] | None = None,
@@ -163,10 +172,12 @@ class Study:
         job = self._job(wanted)
         if shard is not None:
             _check_shard(shard, store)
+        kept = list(keep)
+        for point in kept:
+            self._check_point(point)
         size = self._piece_size(wanted) if chunk is None else _whole(chunk)
         values, messages = self._perform(job, size, executor, shard, store, resume, progress)
         found = assembled(self.points, values, messages, _described(wanted), self._attrs(), self._groups)
-        kept = list(keep)
         if not kept:
             return found
         runs = self.trajectories(kept).drop_vars(COLLISION)
@@ -192,6 +203,10 @@ class Study:
     ) -> tuple[dict[str, np.ndarray], dict[int, str]]:  # fmt: skip
         """Do the pieces that are asked for and not done yet; values by metric and messages of all points."""
         count = self.points.count
+        each = 1 + sum(job.vehicles if wide else 1 for _, wide in job.shapes)
+        check_size(f"the study ({min(count, HUGE):.6g} points)", float(min(count, HUGE)) * each, "values of all points")
+        if progress is not None and not callable(progress):
+            raise HeadwayError(f"progress = {shorten(progress)} is not a function of points done and points to do")
         # who does the work is there before a store is made
         with workforce(job, executor) as perform:
             disk = None if store is None else Store.join(store, self._about(job, size), self.points.values, resume)
