@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 import math
@@ -205,6 +206,36 @@ def test_trade_offs_are_named_where_orders_run_against_each_other():
     many = [cell(c.who, course=f"c{i}", **c.values) for i in range(4) for c in cells]
     found = guidance.trade_offs(board(*many), scores.scoreboard(board(*many), PUBLISHED), ())
     assert any(t.startswith("- **comfort against responsiveness**") and "100%" in t for t in found)
+
+
+def test_the_tolerance_of_energy_is_its_own_and_stated():
+    energy = next(c for c in scores.CRITERIA if c.name == "energy")
+    assert scores.holds([cell("x", energy=1.0023)], energy)
+    assert not scores.holds([cell("x", energy=1.006)], energy)
+
+
+def test_who_mostly_collides_is_not_said_to_be_good_at_anything():
+    cells = [cell("x", course=f"c{i}", collisions=float(i > 0)) for i in range(4)]
+    cells += [cell("y", course=f"c{i}") for i in range(4)]
+    found = guidance.trade_offs(board(*cells), scores.scoreboard(board(*cells), PUBLISHED), ())
+    assert any(t.startswith("- **x** collides in 3 of 4 runs: it fails all criteria there") for t in found)
+    assert not any(t.startswith("- **x** ranks best") for t in found)
+    assert any(t.startswith("- **y** ranks best") for t in found)
+
+
+def test_the_order_stands_beside_that_at_the_same_gap():
+    one = [cell("x", ttc=9.0, growth=0.5), cell("y", ttc=2.0, growth=0.9)]
+    other = [dataclasses.replace(c, view=TUNED, values={**c.values, "collisions": float(c.who == "x")}) for c in one]
+    found = guidance.findings(board(*one, *other), (), ())
+    assert "It depends on the distance that each keeps: all tuned to 30 m at 20 m/s it is y (1.0), x" in found[0]
+    assert "x (2.0, collides in 1 of 1 runs)" in found[0]
+
+
+def test_braking_beyond_any_car_is_named():
+    cells = (cell("x", braking=-65.0), cell("x", course="b", braking=-9.0), cell("y", braking=-3.0))
+    found = guidance.findings(board(*cells), (), ())
+    assert any("harder than 10 m/s²: x in 1 of 2 runs, at 65 m/s² at most" in text for text in found)
+    assert not any("Braking beyond" in text for text in guidance.findings(board(cell("y", braking=-3.0)), (), ()))
 
 
 # -- what it says --------------------------------------------------------------------------------

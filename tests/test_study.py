@@ -462,3 +462,10 @@ def test_runs_of_a_wrong_kind_are_one_sentence_before_anything_runs(options, mon
 def test_seeds_of_a_wrong_kind(seed):
     with pytest.raises(HeadwayError, match="study: seed"):
         Study(SCENARIO, {"T": between(1.0, 2.0)}, "sobol", 4, seed)
+
+
+def test_braking_beyond_any_car_is_said():
+    scenario = Scenario(Brake(25.0, 25.0, hold=5.0, ramp=4.0), [Vehicle(IDM(T=0.5))], duration=15.0)
+    found = Study(scenario, {"leader.ramp": [1.0, 12.0]}).run()
+    assert found.least_acceleration.attrs["note"].startswith("unphysical: in 1 of 2 points a vehicle brakes harder")
+    assert "note" not in Study(scenario, {"leader.ramp": [12.0]}).run().least_acceleration.attrs

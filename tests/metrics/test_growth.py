@@ -284,3 +284,39 @@ def test_omega_is_that_of_the_scenario():
     np.testing.assert_array_equal(growth.amplitude_growth(tr), growth.amplitude_growth(tr, omega=0.63))
     with pytest.raises(HeadwayError, match="a step leader has no single frequency"):
         growth.amplitude_growth(hw.simulate(hw.Scenario(hw.step(mean=23, change=1), [car], duration=30)))
+
+
+# -- what is no steady oscillation -------------------------------------------------------------------
+
+
+def test_a_car_that_stops_has_no_growth_and_says_so():
+    """Behind a large swing an unstable platoon comes to rest; a fit through standstill is no amplitude."""
+    car = hw.Vehicle(hw.models.IDM(a=0.5), delay=1.0)
+    run = hw.simulate(hw.Scenario(hw.sine(mean=6, amplitude=4, omega=0.3), [car] * 6, duration=120))
+    stopped = (run.speed.sel(time=slice(60, None)) == 0).any("time").values
+    broken = np.isfinite(run.collision_time.values)
+    assert (stopped | broken)[1:].any()
+    bad = np.logical_or.accumulate(broken) | (stopped & (run.vehicle.values > 0))
+    for measure in (growth.amplitude_growth, growth.phase_lag, growth.time_lag):
+        values = measure(run, to="leader")
+        assert np.isnan(values.values[bad]).all()
+        assert "no steady oscillation from" in values.attrs["note"]
+        if (stopped & ~np.logical_or.accumulate(broken)).any():
+            assert "standing still for a time" in values.attrs["note"]
+    assert np.isnan(growth.harmonic_distortion(run).values[bad]).all()
+    # how far it went is known all the same
+    assert np.isfinite(decay.linf_ratio(run, to="leader").values[1:][stopped[1:]]).all()
+
+
+def test_a_signal_that_does_not_swing_has_no_growth():
+    time = np.linspace(0.0, 60.0, 1201)
+    leader = 20.0 + np.cos(time)
+    drift = 20.0 + 0.01 * np.cos(time) + np.where(time < 45.0, 0.0, 3.0)
+    run = made(time, speed=[leader, drift, 20.0 + 0.5 * np.cos(time - 0.4)])
+    values = growth.amplitude_growth(run, omega=1.0, to="leader")
+    assert np.isnan(values[1])
+    assert float(values[2]) == pytest.approx(0.5, rel=1e-6)
+    assert "vehicle 1 not swinging steadily" in values.attrs["note"]
+    behind = growth.amplitude_growth(run, omega=1.0)
+    assert np.isnan(behind[2])  # compared with one that has no amplitude
+    assert "note" not in growth.amplitude_growth(run.isel(vehicle=[0]).assign_coords(vehicle=[0]), omega=1.0).attrs

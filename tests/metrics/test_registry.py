@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -155,3 +157,15 @@ def test_a_recording_can_be_measured(metric, run):
 def test_a_summary_of_a_recording(run):
     recording = Recording.from_gaps(run.time.values, run.speed.values, run.gap.values)
     assert list(hw.metrics.summary(recording)) == list(DEFAULT)
+
+
+def test_the_tables_of_the_page_are_those_of_the_registry():
+    """`python tools/metric_tables.py` writes them."""
+    place = Path(__file__).parents[2] / "tools" / "metric_tables.py"
+    spec = importlib.util.spec_from_file_location("metric_tables", place)
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    page = tool.PAGE.read_text(encoding="utf-8")
+    assert page == tool.written(page)
+    families = {m.family for m in METRICS.values()} - {"Size", "Sizes"}
+    assert all(f"<!-- metrics: {family} -->" in page for family in families)

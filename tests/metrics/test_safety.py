@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from scipy.stats import truncnorm
 import headway as hw
 from headway.errors import HeadwayError
 from headway.library import library_scenario
-from headway.metrics import safety
+from headway.metrics import METRICS, safety
 
 MEASURES = (safety.ttc, safety.tet, safety.tit, safety.drac, safety.mdrac, safety.picud, safety.cpi, safety.rss_margin,
             safety.least_gap)  # fmt: skip
@@ -237,3 +239,26 @@ def test_units_names_and_dimensions(measure):
 def test_what_cannot_be_measured_is_said(call, message):
     with pytest.raises(HeadwayError, match=message):
         call(closing())
+
+
+def test_a_gap_that_closes_by_rounding_only_does_not_close():
+    time = np.linspace(0, 10, 101)
+    tr = encounter(time, 30.0, 20.0 + 1e-12, 20.0)
+    assert one(safety.ttc(tr)) == math.inf
+    assert np.isinf(safety.time_to_collision(tr)[1]).all()
+    slow = encounter(time, 30.0, 20.1, 20.0)
+    assert one(safety.ttc(slow)) == pytest.approx(300.0)
+
+
+def test_no_metric_warns_of_a_run_with_a_collision():
+    """Neither scheme leaves NumPy to complain, whatever is measured of what is left."""
+    for scheme in ("rk4", "ballistic"):
+        leader = hw.brake(mean=23, drop=23, hold=3)
+        car = hw.Vehicle(hw.models.IDM(), limits=(-2.0, 1.0))
+        run = hw.simulate(hw.Scenario(leader, [car] * 2, duration=10, gaps=5, dt=0.05, scheme=scheme))
+        assert np.isfinite(run.collision_time).any()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            for metric in METRICS.values():
+                with contextlib.suppress(HeadwayError):
+                    metric.of(run)

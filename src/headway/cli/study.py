@@ -167,6 +167,9 @@ def _report(found: xr.Dataset, seconds: float, written: list[Path], json: bool) 
     size = " × ".join(f"{d} {n}" for d, n in found.status.sizes.items())
     title = f"{size} ({told}) in {seconds:.3g} s; of the last vehicle:"
     show.table(title, ("metric", "unit", "least", "median", "largest"), lines, left=2)
+    for array in found.data_vars.values():
+        if array.attrs.get("note"):
+            print(array.attrs["note"])
     if messages.size:
         print(f"{messages.size} points have a message, the first: {messages[0]}")
     for path in written:

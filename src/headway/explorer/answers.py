@@ -18,6 +18,7 @@ from headway.engine.trajectories import to_dataset
 from headway.errors import HeadwayWarning
 from headway.explorer.picture import Picture, StaleError, linear_of
 from headway.explorer.state import State
+from headway.metrics.sizes import UNPHYSICAL
 from headway.models import RADIO
 
 __all__ = ["figures", "map_key", "map_of", "verdicts"]
@@ -43,39 +44,46 @@ def verdicts(state: State, stale: Callable[[], bool]) -> list[str]:
     return sentences + words.of_chain(chain)
 
 
+#: metrics of the table, and what it calls them; the registry says which vehicle speaks for the platoon
+_FIGURES = {
+    "collisions": "collisions",
+    "least_gap": "least gap",
+    "ttc": "least time to collision",
+    "tet": "longest time with TTC below 3 s",
+    "drac": "largest deceleration needed (DRAC)",
+    "least_acceleration": "hardest braking (least acceleration)",
+    "peak_spacing_error": "peak spacing error",
+    "rms_jerk": "r.m.s. jerk",
+    "fuel(per=distance)": "fuel of the last vehicle",
+    "electric_energy(per=distance)": "electric energy of the last vehicle",
+}
+
+
 def figures(state: State, result: Result) -> list[dict[str, Any]]:
     """Safety, comfort and energy of a run: name, value, unit and which vehicle it is of."""
-    from headway import metrics
+    from headway.metrics.registry import named
 
     dataset = to_dataset(state.scenario, result)
+    # what an unfinished ride cost says nothing of the ride
+    finished = bool(np.isfinite(dataset.speed.values[-1, -1]))
     found: list[dict[str, Any]] = []
-
-    def tell(name: str, values: Any, pick: str, digits: int = 3) -> None:
-        row = np.asarray(values.values, dtype=float)[1:]
-        known = np.isfinite(row)
-        row = np.where(known, row, np.nan)
+    for name, title in _FIGURES.items():
+        metric = named(name)
+        values = np.asarray(metric.of(dataset).values, dtype=float)
         which: int | None = None
-        if pick == "last":
-            which = row.size - 1 if known[-1] else None
-        elif known.any():
-            which = int(np.nanargmin(row) if pick == "least" else np.nanargmax(row))
-        value = None if which is None else float(f"{row[which]:.{digits}g}")
-        units = str(values.attrs.get("units", ""))
-        found.append({
-            "name": name, "value": value, "unit": "" if units == "1" else units,
-            "vehicle": None if which is None else which + 1,
-        })  # fmt: skip
-
-    hits = int(metrics.collisions(dataset))
-    found.append({"name": "collisions", "value": hits, "unit": "", "vehicle": None})
-    tell("least gap", metrics.least_gap(dataset), "least")
-    tell("least time to collision", metrics.ttc(dataset), "least")
-    tell("longest time with TTC below 3 s", metrics.tet(dataset), "most")
-    tell("largest deceleration needed (DRAC)", metrics.drac(dataset), "most")
-    tell("peak spacing error", metrics.peak(dataset.spacing_error), "most")
-    tell("r.m.s. jerk", metrics.rms_jerk(dataset), "most")
-    tell("fuel of the last vehicle", metrics.fuel(dataset, per="distance"), "last")
-    tell("electric energy of the last vehicle", metrics.electric_energy(dataset, per="distance"), "last")
+        if values.ndim == 0:
+            value: float | None = float(values)
+        else:
+            row = np.where(np.isfinite(values[1:]), values[1:], np.nan)
+            if title.endswith("last vehicle"):
+                which = row.size if finished and np.isfinite(row[-1]) else None
+            elif np.isfinite(row).any():
+                which = 1 + int(np.nanargmin(row) if metric.whose == "least" else np.nanargmax(row))
+            value = None if which is None else float(f"{values[which]:.3g}")
+        unit = "" if metric.unit == "1" else metric.unit
+        found.append({"name": title, "value": value, "unit": unit, "vehicle": which})
+        if name == "least_acceleration" and value is not None and value < -UNPHYSICAL:
+            found[-1]["name"] += ", which no car can"
     return found
 
 

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = [
-    "COLLISION", "DEFAULT", "UNPHYSICAL", "amplitude", "amplitude_ratio", "braking_note", "least", "peak", "rms",
-    "summary",
+    "COLLISION", "DEFAULT", "UNPHYSICAL", "amplitude", "amplitude_ratio", "braking_note", "braking_share",
+    "least", "peak", "rms", "summary",
 ]  # fmt: skip
 
 COLLISION = "collision_time"
@@ -91,6 +91,18 @@ def braking_note(least_acceleration: Any) -> str:
     return (
         f"unphysical: {count} harder than {UNPHYSICAL:g} m/s²{hardest}, which no car can; "
         f"what follows from it would not happen so, and limits of the vehicles would say what does"
+    )
+
+
+def braking_share(least_acceleration: Any) -> str:
+    """The same of many points (…, vehicle)."""
+    values = np.asarray(least_acceleration, dtype=float)
+    beyond = (values < -UNPHYSICAL).any(axis=-1)
+    if not beyond.any():
+        return ""
+    return (
+        f"unphysical: in {int(beyond.sum())} of {beyond.size} points a vehicle brakes harder than {UNPHYSICAL:g} m/s² "
+        f"(at {-float(np.nanmin(values)):.3g} at most), which no car can"
     )
 
 

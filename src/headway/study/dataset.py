@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from headway.errors import HeadwayError
+from headway.metrics.sizes import braking_share
 from headway.study.axes import Points
 from headway.study.paths import ORDER
 from headway.study.templates import vehicle_order
@@ -46,7 +47,8 @@ def assembled(
             continue
         more = ("vehicle",) if array.ndim == 2 else ()
         unit, meaning = described.get(name, ("", ""))
-        about = {k: v for k, v in (("units", unit), ("long_name", meaning)) if v}
+        note = braking_share(array) if name == "least_acceleration" else ""
+        about = {k: v for k, v in (("units", unit), ("long_name", meaning), ("note", note)) if v}
         variables[name] = ((*dims, *more), array.reshape(*points.shape, *array.shape[1:]), about)
     status = np.array(STATUS)[values["status"]].reshape(points.shape)
     told = np.full(points.count, "", dtype=object)

@@ -10,7 +10,7 @@ from headway.scenario.disturbance import Disturbance
 from headway.study.benchmark.cells import Board
 from headway.study.benchmark.measures import MEASURES
 from headway.study.benchmark.outcome import Outcome
-from headway.study.benchmark.scores import CRITERIA, OWN, TOLERANCE
+from headway.study.benchmark.scores import CRITERIA, ENERGY_TOLERANCE, OWN, TOLERANCE
 from headway.version import __version__
 from headway.view.report import Section, Table, Text
 
@@ -31,8 +31,9 @@ _NUMBERS = (
 )
 _MEASURED = (
     "Growth is that of the worst vehicle: behind leaders that repeat themselves the ratio of fundamentals in the last "
-    "whole periods, behind all others the ratio of L2 norms of speed deviations. Energy is at the wheels of a mid-size "
-    "car by road load, with no fuel where it brakes."
+    "whole periods (of L2 norms for a vehicle that stops), behind all others the ratio of L2 norms of speed "
+    "deviations; a run with a collision has none. Energy is at the wheels of a mid-size car by road load, with no fuel "
+    "where it brakes."
 )
 
 
@@ -43,7 +44,8 @@ def methods(outcome: Outcome) -> Section:
         tuple((c.name, c.rule, MEASURES[c.measure].meaning, c.source) for c in CRITERIA),
         "Criteria",
         sortable=False,
-        note=f"Ratios may exceed 1 by {TOLERANCE:g}, as records end and are sampled.",
+        note=f"Ratios may exceed 1 by {TOLERANCE:g}, that of energy by {ENERGY_TOLERANCE:g}, as records end and are "
+        "sampled.",
     )
     delays = Table(
         ("case", "on board", "radio"),

@@ -18,9 +18,10 @@ from headway.analysis.linear import Linear
 from headway.engine.simulate import simulate
 from headway.errors import HeadwayError
 from headway.metrics import amplitude_growth
+from headway.metrics.sizes import UNPHYSICAL
 from headway.scenario.disturbance import Sine
 from headway.scenario.scenario import Scenario
-from headway.study.benchmark.cells import PUBLISHED, Board, Cell
+from headway.study.benchmark.cells import PUBLISHED, TUNED, Board, Cell
 from headway.study.benchmark.scores import CRITERIA, Criterion, Score, held, holds, lost, scoreboard, value
 from headway.study.benchmark.spec import Entry, Late
 from headway.study.benchmark.theory import Theory, linear
@@ -217,7 +218,7 @@ def findings(board: Board, theory: Sequence[Theory], advice: Sequence[Advice]) -
     """What matters most, a sentence each."""
     scores = scoreboard(board, PUBLISHED)
     order = ", ".join(f"{s.who} ({s.overall:.1f})" for s in scores)
-    found = [f"**Order** by the mean rank over {len(scores[0].ranks)} criteria, 1 is best: {order}."]
+    found = [f"**Order** by the mean rank over {len(scores[0].ranks)} criteria, 1 is best: {order}.{_same_gap(board)}"]
     found += [_of_case(board, case, [s.who for s in scores], theory) for case in board.benchmark.cases]
     if any(c.sweep for c in board.benchmark.courses):
         reached = "; ".join(_reach(board, s.who) for s in scores)
@@ -225,7 +226,40 @@ def findings(board: Board, theory: Sequence[Theory], advice: Sequence[Advice]) -
     longest = max((a.delay for a in advice if not a.by_radio), default=0.0)
     wanted = [a for a in advice if not a.stable and not math.isnan(a.critical) and a.delay == longest]
     found += [f"**{a.who}.** {a.sentence}" for a in wanted[:2]]
+    found += _unphysical(board)
     return tuple(found)
+
+
+def _same_gap(board: Board) -> str:
+    """The order of the entries once all keep the same gap, and who of them collides there."""
+    scores = scoreboard(board, TUNED)
+    if not scores:
+        return ""
+    said = []
+    for score in scores:
+        cells = board.select(TUNED, who=score.who)
+        hits = sum(c.collided for c in cells)
+        hit = f", collides in {hits} of {len(cells)} runs" if hits else ""
+        said.append(f"{score.who} ({score.overall:.1f}{hit})")
+    b = board.benchmark
+    common = f"all tuned to {b.gap:g} m at {b.speed:g} m/s"
+    return f" It depends on the distance that each keeps: {common} it is {', '.join(said)}."
+
+
+def _unphysical(board: Board) -> list[str]:
+    """Who brakes harder than any car can, where, and what that means; nothing if nobody does."""
+    said = []
+    for name in dict.fromkeys(c.who for c in board.select(PUBLISHED)):
+        cells = [c for c in board.select(PUBLISHED, who=name) if "braking" in c.values]
+        beyond = [c.values["braking"] for c in cells if c.values["braking"] < -UNPHYSICAL]
+        if beyond:
+            said.append(f"{name} in {len(beyond)} of {len(cells)} runs, at {-min(beyond):.3g} m/s² at most")
+    if not said:
+        return []
+    return [
+        f"**Braking beyond any car**, harder than {UNPHYSICAL:g} m/s²: {'; '.join(said)}. Accelerations have no limits "
+        "here, so that such a run says what the law asks for, not what a car would do."
+    ]
 
 
 def _of_case(board: Board, case: Late, names: Sequence[str], theory: Sequence[Theory]) -> str:
@@ -277,6 +311,14 @@ def trade_offs(board: Board, scores: Sequence[Score], theory: Sequence[Theory]) 
         if not known:
             continue
         best, worst = min(known, key=lambda n: known[n]), max(known, key=lambda n: known[n])
+        runs = board.select(PUBLISHED, who=score.who)
+        hits = sum(c.collided for c in runs)
+        if 2 * hits > len(runs):
+            found.append(
+                f"- **{score.who}** collides in {hits} of {len(runs)} runs: it fails all criteria there, and no rank "
+                "says that it is good at something."
+            )
+            continue
         text = f"- **{score.who}** ranks best at {best} ({known[best]:.1f}) and worst at {worst} ({known[worst]:.1f})"
         flow = next((t for t in theory if t.who == score.who and not t.reason), None)
         if flow is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from headway import metrics
 from headway.errors import HeadwayError
+from headway.metrics.registry import named
 from headway.scenario.disturbance import Disturbance
 
 if TYPE_CHECKING:
@@ -38,9 +39,16 @@ def _head_to_tail(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
 
 
 def _passed_on(runs: xr.Dataset, leader: Disturbance, to: Literal["predecessor", "leader"]) -> xr.DataArray:
-    """Ratio of fundamentals where the leader repeats itself, else of L2 norms."""
-    omega = leader.fundamental
-    return metrics.l2_ratio(runs, to=to) if omega is None else metrics.amplitude_growth(runs, omega=omega, to=to)
+    """Ratio of fundamentals where the leader repeats itself, else of L2 norms; NaN for a run with a collision.
+
+    A vehicle that stops for a time, or does not swing steadily, has no fundamental to speak of: there it is
+    the ratio of L2 norms as well.
+    """
+    ratio = metrics.l2_ratio(runs, to=to)
+    if leader.fundamental is not None:
+        steady = metrics.amplitude_growth(runs, omega=leader.fundamental, to=to)
+        ratio = steady.where(steady.notnull(), ratio)
+    return ratio.where(metrics.collisions(runs) == 0)
 
 
 def _roughness(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
@@ -65,27 +73,24 @@ def _followers(values: xr.DataArray) -> xr.DataArray:
     return values.isel(vehicle=slice(1, None))
 
 
+def _of(name: str, meaning: str) -> Measure:
+    """A metric of the registry, of the follower that speaks for the platoon."""
+    metric = named(name)
+    return Measure(metric.unit, meaning, lambda runs, _: metric.over_vehicles(metric.of(runs)))
+
+
 MEASURES: dict[str, Measure] = {
-    "collisions": Measure("1", "number of collisions", lambda r, _: metrics.collisions(r)),
-    "ttc": Measure("s", "least time to collision of all followers", lambda r, _: metrics.ttc(r).min("vehicle")),
-    "drac": Measure(
-        "m/s²", "largest deceleration needed to avoid a collision", lambda r, _: metrics.drac(r).max("vehicle")
-    ),
-    "time_gap": Measure("s", "least time gap of all followers", lambda r, _: metrics.least_time_gap(r).min("vehicle")),
+    "collisions": _of("collisions", "number of collisions"),
+    "ttc": _of("ttc", "least time to collision of all followers"),
+    "drac": _of("drac", "largest deceleration needed to avoid a collision"),
+    "braking": _of("least_acceleration", "least acceleration, the hardest braking of all followers"),
+    "time_gap": _of("least_time_gap", "least time gap of all followers"),
     "growth": Measure("1", "largest growth of the speed disturbance from one vehicle to the next", _growth),
     "head_to_tail": Measure("1", "speed disturbance of the last vehicle over the leader's", _head_to_tail),
-    "peak_error": Measure("m", "largest spacing error", lambda r, _: metrics.peak(r.spacing_error).max("vehicle")),
+    "peak_error": _of("peak_spacing_error", "largest spacing error"),
     "roughness": Measure("1", "r.m.s. acceleration of the worst follower over the leader's", _roughness),
-    "jerk_share": Measure(
-        "1",
-        "share of time with jerk beyond 2 m/s³, worst follower",
-        lambda r, _: _followers(metrics.jerk_share(r)).max("vehicle"),
-    ),
-    "energy": Measure(
-        "1",
-        "energy at the wheels over the leader's, mean of the followers",
-        lambda r, _: _followers(metrics.combustion_energy(r, per="leader")).mean("vehicle"),
-    ),
+    "jerk_share": _of("jerk_share", "share of time with jerk beyond 2 m/s³, worst follower"),
+    "energy": _of("combustion_energy(per=leader)", "energy at the wheels over the leader's, mean of the followers"),
     "tracking": Measure(
         "1",
         "r.m.s. speed difference to the vehicle ahead over the r.m.s. of the leader's own variation, mean of followers",
