@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -112,6 +113,31 @@ def test_a_strange_environment(environment, words, tmp_path):
     else:
         assert done.returncode == 0, done.stderr
     assert headway("--help", env={"COLUMNS": "999999999"}).returncode == 0
+
+
+@pytest.mark.parametrize("columns", [50, 80, 120])
+def test_tables_break_between_words(columns, monkeypatch, capsys):
+    from headway.cli import show
+
+    monkeypatch.setenv("FORCE_COLOR", "1")  # a terminal, as far as the table can tell
+    monkeypatch.setenv("COLUMNS", str(columns))
+    names = (
+        "vehicle",
+        "model",
+        "peak error [m]",
+        "speed amplitude [m/s]",
+        "ratio to the one ahead",
+        "least accel. [m/s²]",
+    )
+    show.table(
+        "",
+        names,
+        [("0", "leader", "–", "2", "–", "-1.26"), ("10", "idm-spacing", "6.13", "0.82", "0.41", "-0.0375")],
+        2,
+    )
+    words = {w for line in re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines() for w in line.split()}
+    assert {w for name in names for w in name.split()} <= words
+    assert {"leader", "idm-spacing", "-1.26", "-0.0375"} <= words
 
 
 # -- files ------------------------------------------------------------------------------------------

@@ -28,9 +28,10 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], lef
     """Print a table; the first `left` columns are text."""
     from rich import box
     from rich.console import Console
+    from rich.measure import Measurement
     from rich.table import Table
 
-    sheet = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    sheet = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
     # words stay whole: no column is narrower than its longest word
     words = [max(len(w) for text in (name, *(r[i] for r in rows)) for w in text.split() or [""])
              for i, name in enumerate(columns)]  # fmt: skip
@@ -40,23 +41,27 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], lef
         sheet.add_row(*row)
     plain: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}  # "[m]" is a unit, not a style
     console = Console(**plain)
+    wide = Console(width=10_000, **plain)
+    size = Measurement.get(wide, wide.options, sheet)
     # in a pipe a table keeps its natural width instead of being folded to 80 columns
-    if not console.is_terminal:
-        natural = sum(max([len(c), *(len(r[i]) for r in rows)]) + 3 for i, c in enumerate(columns))
-        console = Console(width=max(80, len(title), natural), **plain)
-    elif console.width < (least := sum(min(w, _WORD) + 3 for w in words)):
+    # two more than the library says: it forgets the edges of its box
+    least = size.minimum + 2 if console.is_terminal else max(80, len(title), size.maximum)
+    if console.width < least or not console.is_terminal:
         console = Console(width=least, **plain)
     console.print(sheet)
 
 
-def say(text: str, lead: str = "", indent: int = 0) -> None:
-    """Print a sentence after `lead`: on a terminal broken between words and indented, in a pipe as one line."""
+def say(text: str, lead: str = "", indent: int = 0, good: bool | None = None) -> None:
+    """Print a sentence after `lead`: on a terminal broken between words and indented, in a pipe as one line.
+
+    `good` colours it as a `verdict`.
+    """
     if not sys.stdout.isatty():
         print(f"{lead}{text}")
         return
     width = max(20, shutil.get_terminal_size().columns - indent)
     lines = textwrap.wrap(text, width, break_on_hyphens=False) or [""]
-    print(lead + f"\n{' ' * indent}".join(lines))
+    print(lead + f"\n{' ' * indent}".join(verdict(line, good) for line in lines))
 
 
 def verdict(text: str, good: bool | None) -> str:

@@ -64,9 +64,9 @@ def stability(
     if json:
         show.print_json(report if chain is None else {**report, "head_to_tail": _chain(chain)})
         return
-    print(verdict(linear, report["critical_delay"]))
+    show.say(verdict(linear, report["critical_delay"]), good=report.get("string_stable"))
     for words in of_chain(chain) if chain is not None else ():
-        print(words)
+        show.say(words)
     _print(report)
 
 
@@ -162,13 +162,19 @@ def _print(report: dict[str, Any]) -> None:
         "partials": ", ".join(f"f_{n} = {x:.6g}" for n, x in report["partials"].items()),
         "natural frequency": f"{report['natural_frequency']:.6g} rad/s",
         "damping ratio": f"{show.number(report['damping_ratio'], 6)} ({report['damping_class']}, without delay)",
-        "rightmost root": f"{root['real']:.6g} ± {root['imag']:.6g} i 1/s",
+        "rightmost root": _root(root["real"], root["imag"]),
         **alone,
         "margins": _margins(report["margins"]),
         "critical delay": f"local {_seconds(critical['local'])}{string}",
     }
     for name, text in lines.items():
-        print(f"  {name:<18} {text}")
+        show.say(text, f"  {name:<18} ", 21)
+
+
+def _root(real: float, imaginary: float) -> str:
+    """A root, or the pair that it belongs to."""
+    alone = imaginary <= 1e-9 * abs(real)
+    return f"{real:.6g} 1/s" if alone else f"{real:.6g} ± {imaginary:.6g} i 1/s"
 
 
 def _largest_peak(report: dict[str, Any]) -> str:
