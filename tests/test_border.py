@@ -56,7 +56,9 @@ def test_every_encoding_can_be_written(command, encoding):
 
 
 def test_what_an_encoding_lacks_is_written_in_plain_letters():
-    text = headway("stability", "idm", "--speed", "20", env={"PYTHONIOENCODING": "ascii"}).stdout.decode("ascii")
+    text = headway(
+        "stability", "idm", "--speed", "20", "--delay", "2", env={"PYTHONIOENCODING": "ascii"}
+    ).stdout.decode("ascii")
     assert "+-" in text
     assert "1/s2" in text
     assert "?" not in text

@@ -27,28 +27,44 @@ def number(value: float, digits: int = 4) -> str:
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> None:
     """Print a table; the first `left` columns are text."""
     from rich import box
+    from rich.cells import cell_len
     from rich.console import Console
-    from rich.measure import Measurement
     from rich.table import Table
 
-    sheet = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
-    # words stay whole: no column is narrower than its longest word
-    words = [max(len(w) for text in (name, *(r[i] for r in rows)) for w in text.split() or [""])
-             for i, name in enumerate(columns)]  # fmt: skip
-    for i, name in enumerate(columns):
-        sheet.add_column(name, justify="left" if i < left else "right", overflow="fold", min_width=min(words[i], _WORD))
-    for row in rows:
-        sheet.add_row(*row)
     plain: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}  # "[m]" is a unit, not a style
     console = Console(**plain)
-    wide = Console(width=10_000, **plain)
-    size = Measurement.get(wide, wide.options, sheet)
+    cells = [[name, *(row[i] for row in rows)] for i, name in enumerate(columns)]
     # in a pipe a table keeps its natural width instead of being folded to 80 columns
-    # two more than the library says: it forgets the edges of its box
-    least = size.minimum + 2 if console.is_terminal else max(80, len(title), size.maximum)
-    if console.width < least or not console.is_terminal:
-        console = Console(width=least, **plain)
+    room = console.width - 3 * len(columns) - 1 if console.is_terminal else None
+    widths = _widths([[cell_len(text) for text in column] for column in cells], [_longest(c) for c in cells], room)
+    sheet = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left")
+    for i, (name, width) in enumerate(zip(columns, widths, strict=True)):
+        sheet.add_column(name, justify="left" if i < left else "right", overflow="fold", width=width)
+    for row in rows:
+        sheet.add_row(*row)
+    total = sum(widths) + 3 * len(columns) + 1
+    if console.width < total or not console.is_terminal:
+        console = Console(width=total if console.is_terminal else max(80, len(title), total), **plain)
     console.print(sheet)
+
+
+def _longest(texts: Sequence[str]) -> int:
+    """Length of the longest word, or of what a longer one is broken into."""
+    return max(min(_WORD, len(word)) for text in texts for word in text.split() or [""])
+
+
+def _widths(lengths: Sequence[Sequence[int]], words: Sequence[int], room: int | None) -> list[int]:
+    """Widths of columns: what each would like, shrunk to the room, but never so far that a word is broken."""
+    widths = [max(column, default=0) for column in lengths]
+    if room is None:
+        return widths
+    while sum(widths) > room:
+        spare = [width - word for width, word in zip(widths, words, strict=True)]
+        widest = max(range(len(widths)), key=lambda i: (spare[i] > 0) * widths[i])
+        if spare[widest] <= 0:
+            break
+        widths[widest] -= 1
+    return widths
 
 
 def say(text: str, lead: str = "", indent: int = 0, good: bool | None = None) -> None:
