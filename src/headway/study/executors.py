@@ -160,27 +160,40 @@ def _died(how: str) -> HeadwayError:
 # -- processes -------------------------------------------------------------------------------------
 
 
+class _Line(NamedTuple):
+    """What holds workers: a pipe that they watch, and who they are."""
+
+    watched: Any
+    workers: set[Any]
+
+
 @contextmanager
-def _lifeline() -> Iterator[Any]:
-    """The end of a pipe that workers watch: it closes when this process lets go of it, also by dying."""
+def _lifeline() -> Iterator[_Line]:
+    """A pipe whose other end closes when this process lets go of it, also by dying; workers end with it."""
     watched, held = multiprocessing.get_context("spawn").Pipe(duplex=False)
+    line = _Line(watched, set())
     try:
-        yield watched
+        yield line
     finally:
         held.close()
+        for worker in line.workers:
+            worker.kill()  # one that is just being started does not watch yet
         watched.close()
 
 
-def _processes(line: Any) -> Executor:
+def _processes(line: _Line) -> Executor:
     from concurrent.futures import ProcessPoolExecutor
 
     class Pool(ProcessPoolExecutor):
         def submit(self, *args: Any, **kwargs: Any) -> Future[Any]:
+            before = set(multiprocessing.active_children())
             with _deaf():  # this is where workers are started
-                return super().submit(*args, **kwargs)
+                future = super().submit(*args, **kwargs)
+            line.workers.update(set(multiprocessing.active_children()) - before)
+            return future
 
     # spawned, not forked: threads of numerical libraries do not survive a fork
-    return Pool(cores(), multiprocessing.get_context("spawn"), _watch, (line,))
+    return Pool(cores(), multiprocessing.get_context("spawn"), _watch, (line.watched,))
 
 
 @contextmanager
