@@ -104,7 +104,7 @@ def test_a_full_disk_leaves_nothing(arguments, tmp_path):
 
 @pytest.mark.parametrize(("environment", "words"), [
     ({"NUMBA_NUM_THREADS": "0"}, "NUMBA_NUM_THREADS"), ({"NUMBA_DISABLE_JIT": "1"}, "NUMBA_DISABLE_JIT"),
-    ({"HEADWAY_LIMIT": "-1"}, ""), ({"COLUMNS": "0"}, ""), ({"COLUMNS": "999999999"}, ""), ({"MPLBACKEND": "x"}, ""),
+    ({"HEADWAY_LIMIT": "-1"}, "HEADWAY_LIMIT"), ({"COLUMNS": "0"}, ""), ({"COLUMNS": "999999999"}, ""), ({"MPLBACKEND": "x"}, ""),
 ])  # fmt: skip
 def test_a_strange_environment(environment, words, tmp_path):
     done = headway("run", "paper:idm-2", "--figure", tmp_path / "out.png", env=environment)
@@ -219,7 +219,7 @@ _BASE = {"duration": 5.0, "leader": {"kind": "sine", "mean": 23.0, "amplitude": 
 
 @pytest.mark.parametrize(("change", "words"), [
     ({"duration": 2147483648}, "duration"), ({"duration": 5e-324}, "duration"), ({"dt": 1e-8}, "asks for 5e"),
-    ({"output_step": 1e-8}, "asks for"), ({"leader_length": 1e30}, "too large"), ({"seed": 10**400}, "too large"),
+    ({"output_step": 1e-8}, "asks for"), ({"leader_length": 1e30}, "too large"), ({"followers": [{"model": "idm", "delay": 1e7}]}, "delay = 1e"), ({"seed": 10**400}, "too large"),
     ({"leader": {"kind": "noise", "mean": 23.0, "sd": 1.0, "sample": 1e-8}}, "noise.sample"),
     ({"leader": {"kind": "square", "mean": 23.0, "amplitude": 1.0, "omega": 1e6}, "duration": 1000.0}, "square.omega"),
     ({"gaps": [1, "x"]}, "gaps"), ({"duration": None}, "duration"), ({"gap_offsets": {"1": 10**400}}, "too large"),

@@ -22,9 +22,10 @@ __all__ = ["LARGEST", "SMALLEST", "as_path", "is_truth", "number", "too_large", 
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: largest magnitude that a value of a unit may have: beyond it nothing is a vehicle, and sums lose their digits
+#: largest magnitude that a value of a unit may have: beyond it nothing is a vehicle, sums lose their digits, and the
+#: picoseconds in which breaking points are counted overflow
 LARGEST: dict[str, float] = {
-    "s": 1e7, "m": 1e7, "m/s": 1e4, "m/s²": 1e6, "rad/s": 1e6, "rad": 1e9,
+    "s": 4e6, "m": 1e7, "m/s": 1e4, "m/s²": 1e6, "rad/s": 1e6, "rad": 1e9,
 }  # fmt: skip
 _LARGEST_OF_ANY = 1e15
 

@@ -61,7 +61,7 @@ def check_size(place: str, count: float, what: str) -> None:
     Raises:
         HeadwayError: If there are too many.
     """
-    if count > LIMITS[what] and count > LIMITS[what] * factor():
+    if count > LIMITS[what] * factor():
         times = 10.0 ** math.ceil(math.log10(count / LIMITS[what])) if math.isfinite(count) else math.inf
         raise HeadwayError(
             f"{place} asks for {count:.3g} {what}; up to {LIMITS[what] * factor():.3g} are allowed "

@@ -24,7 +24,7 @@ _RATE = 1.0
 def coarse_step(scenario: Scenario) -> str | None:
     """A sentence if the longest step is too coarse for the leader or for a law, else None.
 
-    Cheap: frequencies that the leader names, and partial derivatives of each different vehicle at its start.
+    Cheap: frequencies that the leader names, and partial derivatives of each different vehicle at rest.
     """
     step = scenario.step
     fastest = max(scenario.leader.frequencies, default=0.0)
@@ -63,9 +63,12 @@ def warn_of_coarse_step(scenario: Scenario, level: int = 4) -> None:
 
 @functools.lru_cache(maxsize=1024)
 def _rate(model: Model, speed: float, gap: float) -> float:
-    """The fastest rate [1/s] with which a law answers where it starts; 0 where it has no derivatives there."""
+    """The fastest rate [1/s] with which a law answers at rest; 0 where it has no derivatives there.
+
+    `gap` [m] is that of laws which rest at any. Where others begin too close, they are steeper for a moment.
+    """
     try:
-        slopes = model.partials(speed, gap)
+        slopes = model.partials(speed, gap if model.rests_everywhere else None)
     except Exception:  # a law of one's own may raise anything; the simulation says what
         return 0.0
     damping = abs(slopes.get("v", 0.0)) + abs(slopes.get("dv", 0.0))
