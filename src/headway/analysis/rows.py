@@ -35,8 +35,9 @@ _compiled = njit(cache=True, nogil=True, error_model="numpy")
 _inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 #: frequencies rise by this share of themselves, at least by this, at most by an eighth of the longest delay's half wave
-_RISE = 0.1
-_LEAST_RISE = 1e-3
+_RISE, _LEAST_RISE = 0.1, 1e-3
+#: argument [rad] by which D may turn between two frequencies before they are halved
+_WIDE = 1.1
 
 
 @_inlined
@@ -121,7 +122,7 @@ def _end(row, sigma, top):
 
 @_compiled
 def _turned(row, sigma, w, following, before, after):
-    """Argument by which D turns between two frequencies; halved until it turns by less than about a radian."""
+    """Argument by which D turns between two frequencies; halved until it turns by less than `_WIDE`."""
     turned = 0.0
     ends = np.empty(60)
     values = np.empty(60, dtype=np.complex128)
@@ -129,7 +130,7 @@ def _turned(row, sigma, w, following, before, after):
     top = 0
     while top >= 0:
         angle = np.angle(values[top] * np.conj(before))
-        if abs(angle) > 1.1 and top < 59 and ends[top] - w > 1e-12 * (1.0 + w):
+        if abs(angle) > _WIDE and top < 59 and ends[top] - w > 1e-12 * (1.0 + w):
             top += 1
             ends[top] = 0.5 * (w + ends[top - 1])
             values[top] = _bottom(row, complex(sigma, ends[top]))
@@ -144,11 +145,9 @@ def _turned(row, sigma, w, following, before, after):
 def roots_right_of(row, sigma):
     """Number of characteristic roots with a real part above sigma, by the principle of the argument."""
     now, late = _leading(row, sigma)
-    if row[13] == 0.0 and late >= abs(now):
-        return 999  # a neutral equation with a chain of roots on or beyond the line
     end = _end(row, sigma, 0.0)
-    if end == math.inf:
-        return 999
+    if end == math.inf or (row[13] == 0.0 and late >= abs(now)):
+        return 999  # a neutral equation with a chain of roots on or beyond the line
     if sigma == 0.0 and row[0] == 0.0 and row[1] == row[2]:
         return 1  # a speed that nothing corrects
     degree = (3 if row[13] > 0.0 else 2) - (1 if row[0] == 0.0 else 0)
@@ -159,7 +158,8 @@ def roots_right_of(row, sigma):
     while w < end:
         following = min(w + min(max(_RISE * w, _LEAST_RISE), step), end)
         after = _bottom(row, complex(sigma, following))
-        turned += _turned(row, sigma, w, following, before, after)
+        angle = np.angle(after * np.conj(before))
+        turned += angle if abs(angle) <= _WIDE else _turned(row, sigma, w, following, before, after)
         w, before = following, after
     lead = row[13] if row[13] > 0.0 else now
     turned += np.angle(lead * complex(0.0, 1.0) ** degree * np.conj(before))
