@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from headway.engine.events import RunAlone
 from headway.engine.plan import Plan
 from headway.engine.run import Result, Run
 from headway.engine.simulate import lanes_per_block, simulate_many
@@ -110,11 +109,7 @@ class _Watch:
         return steps
 
 
-class _Batch(_Watch, Run):
-    pass
-
-
-class _Alone(_Watch, RunAlone):
+class _Task(_Watch, Run):
     pass
 
 
@@ -129,7 +124,7 @@ def run(blocks: list[Plan]) -> tuple[float, float, list[Result]]:
     loop = whole = 0.0
     results = []
     for plan in blocks:
-        task = (_Alone if plan.x.shape[1] == 1 else _Batch)(plan)
+        task = _Task(plan)
         begin = time.perf_counter()
         results.append(task.go())
         taken = time.perf_counter() - begin
@@ -160,7 +155,7 @@ def measure(case: Case, flags: str = "strict", pairs: int = PAIRS, simulate: boo
         for p in loops
         for r, c in zip(results, loops[p], strict=True)
     )
-    if any(r.disturbed.any() for r in results):
+    if any(np.isfinite(r.collision).any() or r.unsettled.any() for r in results):
         raise RuntimeError(f"{case}: somebody stopped or collided")
     times = []
     for _ in range(pairs):

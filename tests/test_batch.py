@@ -7,10 +7,12 @@ import pytest
 
 from headway.engine.plan import structure
 from headway.engine.simulate import simulate, simulate_many
+from headway.metrics.registry import named
 from headway.models import CACC, FVDM, GMM, IDM
 from headway.scenario.disturbance import Brake, Noise, Sine, Window
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
+from headway.study.study import Study
 
 COMMON = {"duration": 6.0, "dt": 0.02, "output_step": 0.1}
 
@@ -75,7 +77,39 @@ def stopping(i: int) -> Scenario:
     )
 
 
-@pytest.mark.parametrize("make", [drivers, cooperative, late_cooperative, mixed, noisy, stopping])
+def limited(i: int) -> Scenario:
+    """Limits that are reached, standstill, delays and a lag; some collide."""
+    law = IDM(T=0.7 + 0.05 * (i % 5), a=1.0 + 0.1 * (i % 3))
+    return Scenario(
+        Brake(12.0, (12.0, 6.0, 11.0)[i % 3], hold=3.0, ramp=1.2),
+        [Vehicle(law, delay=0.3, limits=(-3.0 - 0.5 * (i % 4), 1.0)), Vehicle(law, delay=0.2, lag=0.3)] * 2,
+        **COMMON | {"duration": 12.0},
+    )
+
+
+def late_and_stopping(i: int) -> Scenario:
+    """Late accelerations, off the grid of steps, of vehicles that stop: some lanes need another plan than others."""
+    return Scenario(
+        Brake(12.0, (3.0, 12.0)[i % 2], hold=3.0, ramp=1.5),
+        [Vehicle(CACC(h=0.9 + 0.01 * i, ka=0.5), delay={"vl": 0.1, "al": 0.1})] * 3,
+        **COMMON | {"duration": 12.0},
+    )
+
+
+def ballistic(i: int) -> Scenario:
+    """The field's scheme, with stops and collisions."""
+    return Scenario(
+        Brake(12.0, (12.0, 6.0, 11.0)[i % 3], hold=3.0, ramp=1.2),
+        [Vehicle(IDM(T=0.7 + 0.05 * i), delay=0.3 if i < 20 else 0.0), Vehicle(FVDM(alpha=0.05, v0=15.0, h=14.0))] * 2,
+        scheme="ballistic",
+        **COMMON | {"duration": 12.0},
+    )
+
+
+EVENTFUL = [stopping, limited, late_and_stopping, ballistic]
+
+
+@pytest.mark.parametrize("make", [drivers, cooperative, late_cooperative, mixed, noisy, *EVENTFUL])
 @pytest.mark.parametrize("count", [1, 2, 7, 20])
 def test_same_bits_alone_and_in_a_batch(make, count):
     assert_same_bits([make(i) for i in range(count)])
@@ -110,3 +144,26 @@ def test_the_families_are_what_they_are_meant_to_be():
 
 def test_nothing_gives_nothing():
     assert simulate_many([]) == []
+
+
+REDUCED = ["least_gap", "rms_speed", "largest_acceleration", "least_acceleration", "speed_amplitude_ratio"]
+
+
+@pytest.mark.parametrize("names", [[*REDUCED, "collision_time"], [*REDUCED, "collision_time", "tet"]])
+@pytest.mark.parametrize("make", EVENTFUL)
+def test_a_study_has_the_values_of_its_runs_where_vehicles_stop_and_collide(make, names):
+    """Reduced on the way, or from trajectories (`tet`): the same bits as alone, also of lanes that collide."""
+    for scenario in [make(i) for i in range(4)]:
+        model = scenario.followers[0].model
+        parameter = next(iter(model.parameters))
+        values = [getattr(model, parameter) * f for f in (1.0, 1.01, 1.02)]
+        study = Study(scenario, {f"followers.0.parameters.{parameter}": values})
+        batched = study.run(metrics=names)
+        for i in range(3):
+            alone = simulate(study.scenario_at(i))
+            hit = alone.collision_time.values
+            np.testing.assert_array_equal(batched.collision_time.values[i], hit)
+            assert batched.status.values[i] == ("collision" if np.isfinite(hit).any() else "ok")
+            for name in names[:-1]:
+                expected = named(name).of(alone).values
+                np.testing.assert_array_equal(batched[name].values[i], expected, err_msg=name)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from concurrent.futures import CancelledError
+
 import numpy as np
 import pytest
 
-from headway.engine.simulate import simulate
+from headway.engine.simulate import simulate, solve
 from headway.errors import HeadwayError
 from headway.models import CACC, IDM, OVM, model
 from headway.scenario.disturbance import Brake, Constant, Sine, Step
@@ -165,3 +167,47 @@ def test_a_law_that_returns_nan_is_named_with_time_and_state():
     with pytest.raises(HeadwayError, match=words) as error:
         run(Constant(10.0), [Vehicle(IDM()), Vehicle(broken())], 3.0, gaps=30.0)
     assert "\n" not in str(error.value)
+
+
+@model
+def switching(v, *, b: float = 1.0):
+    """Go when standing, brake when moving: it cannot be followed once it stands."""
+    return b if v <= 0.0 else -10.0 * b
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("lag", [0.0, 0.4])
+def test_limits_standstill_and_delay_come_to_an_end(delay, lag):
+    """A standing vehicle whose late command crosses a limit stands on: that is no event, let alone one without end."""
+    followers = [Vehicle(IDM(a=1.5, b=2.0, T=1.2), delay=delay, lag=lag, limits=(-3.0, 1.0))] * 3
+    result = run(STOP_AND_GO, followers, 30.0, gaps=12.0)
+    assert np.isfinite(result.speed.values[0]).all()
+    assert result.speed.values[1:].min() >= 0.0 or np.isnan(result.speed.values[1:]).any()
+
+
+def test_events_without_end_are_an_error_in_words():
+    with pytest.raises(HeadwayError, match=r"shortly before t = 1\.\d* s vehicles stop, start or reach their limits"):
+        run(Constant(10.0), [Vehicle(switching())], 5.0, gaps=500.0)
+
+
+def test_a_run_ends_when_it_is_cancelled():
+    scenario = Scenario(Sine(15.0, 4.0, 0.9), [Vehicle(IDM(), delay=0.2)] * 50, duration=600.0)
+    asked = []
+
+    def cancelled() -> bool:
+        asked.append(True)
+        return len(asked) > 2
+
+    with pytest.raises(CancelledError):
+        solve(scenario, cancelled)
+    assert len(asked) == 3
+
+
+def test_a_stop_is_felt_late_by_all_that_hear_its_acceleration():
+    """Late accelerations of a vehicle that stops jump; those behind have their breaking points where they hear it."""
+    leader = Brake(12.0, 12.0, hold=3.0, ramp=1.0)
+    followers = [Vehicle(CACC(h=0.9, ka=0.5), delay={"al": 0.1537, "vl": 0.0837})] * 4
+    coarse, fine = (run(leader, followers, 12.0, dt, output_step=0.1) for dt in (0.02, 0.01))
+    finest = run(leader, followers, 12.0, 0.0025, output_step=0.1)
+    errors = [np.abs(r.position.values - finest.position.values).max() for r in (coarse, fine)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.4)

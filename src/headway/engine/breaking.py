@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from headway.scenario.motion import HIGHEST_ORDER
 from headway.scenario.vehicle import Vehicle
 
-__all__ = ["TICK", "Jumps", "merge", "own_order", "propagate"]
+__all__ = ["TICK", "Jumps", "hops", "merge", "own_order", "propagate"]
 
 #: times closer than this [s] are one breaking point; a step that ends this far from a jump of an
 #: acceleration makes an error of their product in the speed
@@ -85,12 +85,20 @@ def propagate(vehicles: Sequence[Vehicle], leader: Jumps, own: dict[int, Jumps],
     return result
 
 
-def _of_follower(vehicle: Vehicle, ahead: Jumps, lagged: bool, leader: Jumps, begun: Jumps, end: float) -> Jumps:
+def hops(vehicle: Vehicle) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
+    """(delay [s], orders gained) of everything that a vehicle perceives of the one ahead, and of itself."""
     c, signals = vehicle.channel, set(vehicle.model.law.signals)
     from_ahead = [(c.s, 2, "s"), (c.leader_speed_in_dv, 1, "dv"), (c.vl, 1, "vl"), (c.al, 0, "al")]
-    from_leader = [(c.v0l, 1, "v0l"), (c.a0l, 0, "a0l")]
     # an acceleration that is known at once is an algebraic loop or a state: neither breaks anything anew
     from_self = [(c.s, 2, "s"), (c.v, 1, "v"), (c.own_speed_in_dv, 1, "dv")] + ([(c.a, 0, "a")] if c.a > 0 else [])
+    ahead, own = ([(d, q) for d, q, name in rows if name in signals] for rows in (from_ahead, from_self))
+    return ahead, own
+
+
+def _of_follower(vehicle: Vehicle, ahead: Jumps, lagged: bool, leader: Jumps, begun: Jumps, end: float) -> Jumps:
+    c, signals = vehicle.channel, set(vehicle.model.law.signals)
+    from_leader = [(c.v0l, 1, "v0l"), (c.a0l, 0, "a0l")]
+    from_ahead, from_self = hops(vehicle)
     limit = int(end / TICK)
 
     def shifted(jumps: Jumps, delay: float, smoother: int, lag: bool) -> Jumps:
@@ -100,11 +108,11 @@ def _of_follower(vehicle: Vehicle, ahead: Jumps, lagged: bool, leader: Jumps, be
 
     found = merge(
         [begun]
-        + [shifted(ahead, d, q, lagged) for d, q, name in from_ahead if name in signals]
+        + [shifted(ahead, d, q, lagged) for d, q in from_ahead]
         + [shifted(leader, d, q, False) for d, q, name in from_leader if name in signals]
     )
     while True:
-        more = merge([found] + [shifted(found, d, q, vehicle.lag > 0) for d, q, name in from_self if name in signals])
+        more = merge([found] + [shifted(found, d, q, vehicle.lag > 0) for d, q in from_self])
         if np.array_equal(more.tick, found.tick) and np.array_equal(more.order, found.order):
             return found
         found = more

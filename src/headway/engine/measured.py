@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from headway.engine.quadrature import trapezoid
 from headway.engine.reduce import AT_ONCE, EXTREMES, QUANTITIES, SQUARE, Kept, finish_kept, reduced, reduced_ballistic
 from headway.engine.run import Prepared, Run
 
-__all__ = ["ABOUT_GAPS", "EXTREMES", "QUANTITIES", "SQUARE", "Measured", "Reduction"]
+__all__ = ["ABOUT_GAPS", "EXTREMES", "QUANTITIES", "SQUARE", "Measured", "Measurement", "Reduction"]
 
 Array = NDArray[np.float64]
 
@@ -36,11 +37,23 @@ class Reduction:
     mean_square: Array
 
 
+class Measurement(NamedTuple):
+    """What is left of a batch of N+1 vehicles, B lanes."""
+
+    reductions: dict[str, Reduction]
+    collision: Array  # (N+1, B) [s], NaN if none
+    unsound: NDArray[np.bool_]  # (B,) lanes whose law answered something that is no number, or that were given up
+    unsettled: NDArray[np.bool_]  # (B,) lanes that another plan has to run again, see `Result`
+
+
 class Measured(Run):
     """Integration of plans whose trajectories are reduced on the way. `wanted`: signal → `EXTREMES | SQUARE`."""
 
-    def __init__(self, plan: Plan, wanted: Mapping[str, int], prepared: Prepared | None = None) -> None:
-        super().__init__(plan, prepared)
+    def __init__(
+        self, plan: Plan, wanted: Mapping[str, int], prepared: Prepared | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(plan, prepared, cancelled)
         count, elements = len(wanted), self.rows * self.lanes
         self.wanted = tuple(wanted)
         self.time = self.mesh.time[self.mesh.record]
@@ -81,41 +94,43 @@ class Measured(Run):
     def _ring_size(self, first: int, last: int) -> int:
         return super()._ring_size(first, last) + AT_ONCE
 
-    def advance(self, first: int, last: int, detect: int, nodes: Array) -> tuple[int, int]:
-        steps = self._steps(first, last, nodes)
+    def advance(self, first: int, last: int, row0: int, steps: layout.Steps) -> int:
+        platoon, state = self.plan.platoon, self.state
         silent = steps._replace(flags=steps.flags & ~layout.FLAG_RECORD)
-        rest = (
-            self.plan.platoon, silent, self.mesh.record[first:last], self.state, self.kept, self.number, self.outputs,
-            self.lanes,
-        )  # fmt: skip
+        record = self.mesh.record[self.made : self.made + steps.step.size]
         if self.ballistic:
-            self.number = reduced_ballistic(last - first, first + 1, *rest)
-        else:
-            self.number = reduced(last - first, first + 1, self.plan.extra, *rest)
-        return last, 0
-
-    def measure(self) -> tuple[dict[str, Reduction], NDArray[np.bool_]]:
-        """Integrate to the end: what was kept of each signal, and lanes (B,) that have to be stepped on exactly."""
-        while self.made < self.mesh.steps:
-            self.made, _ = self.advance(
-                self.made, min(self.made + self.chunk, self.mesh.steps), layout.NOTE, self.mesh.time
+            done, self.number = reduced_ballistic(
+                first, last, row0, platoon, silent, record, state, self.kept, self.number, self.outputs, self.lanes
             )
+        else:
+            done, self.number = reduced(
+                first, last, row0, self.detect, self.plan.extra, self.stepper, platoon, silent, record,
+                state, self.alone, self.kept, self.number, self.outputs, self.lanes,
+            )  # fmt: skip
+        return int(done)
+
+    def measure(self) -> Measurement:
+        """Integrate to the end."""
+        self._integrate()
         ring, row = self.state.ring, (self.mesh.steps + 1) % self.state.ring.shape[1]
         finish_kept(self.kept, self.number, row, ring, self.lanes)
+        collision = self.state.collision.copy()
+        hit = np.fmin.accumulate(np.where(np.isnan(collision), np.inf, collision), axis=0)
         # what is not finite once never is again
         end = ring[:, row].reshape(5, self.rows, self.lanes)[[0, 1, 3]]
-        happened = np.any(self.state.happened.reshape(-1, self.lanes) != 0.0, axis=0)
-        disturbed = happened | ~np.isfinite(end).all(axis=(0, 1))
+        unsound = (~np.isfinite(end).all(axis=0) & ~np.isfinite(hit)).any(axis=0)
+        # the weights of the samples before a collision of oneself or further ahead
+        total = np.append(0.0, np.cumsum(self.kept.weight))[np.searchsorted(self.time, hit)]
         shape = (self.rows, self.lanes)
-        total, kept = float(np.cumsum(self.kept.weight)[-1]), self.kept
+        kept = self.kept
         found = {}
         for q, name in enumerate(self.wanted):
             best = np.where(np.isfinite(kept.best[q]), kept.best[q], np.nan)
             found[name] = Reduction(
                 best.reshape(2, *shape), kept.place[q].reshape(2, *shape).copy(),
                 kept.around[q].reshape(2, 5, *shape).copy(),
-                (kept.square[q] / total).reshape(shape),
+                np.divide(kept.square[q].reshape(shape), total, out=np.full(shape, np.nan), where=total > 0.0),
             )  # fmt: skip
             if name in ABOUT_GAPS:
                 found[name].mean_square[0] = np.nan
-        return found, disturbed
+        return Measurement(found, collision, unsound & ~self.unsettled, self.unsettled)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from headway.engine.breaking import Jumps
 
-__all__ = ["AT", "Lookup", "Mesh", "build_mesh", "look_up"]
+__all__ = ["AT", "CUBIC", "Lookup", "Mesh", "build_mesh", "look_up"]
 
 Array = NDArray[np.float64]
 
@@ -180,14 +180,14 @@ def _cubic_weights() -> Array:
     return np.linalg.inv(system).T  # rows: value at 0, at 1/3, at 1, mean; columns: powers of θ
 
 
-_CUBIC = _cubic_weights()
+CUBIC = _cubic_weights()
 
 
 def _acceleration(theta: Array, step: Array, extra: bool) -> Array:
     weights = np.empty((*theta.shape, 5))
     if extra:
         powers = np.stack((np.ones_like(theta), theta, theta**2, theta**3), axis=-1)
-        start, third, end, mean = (powers @ row for row in _CUBIC)
+        start, third, end, mean = (powers @ row for row in CUBIC)
     else:
         # derivative of the speed's Hermite cubic: exact to fourth order at nodes and midpoints
         start, end = (1.0 - theta) * (1.0 - 3.0 * theta), theta * (3.0 * theta - 2.0)

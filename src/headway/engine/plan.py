@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine.breaking import Jumps, merge, own_order, propagate
+from headway.engine.breaking import Jumps, hops, merge, own_order, propagate
 from headway.engine.compile import address, structural
-from headway.engine.layout import GROUP, SIGNAL_CODES, Platoon
+from headway.engine.layout import GROUP, HOPS, SIGNAL_CODES, Platoon
 from headway.engine.mesh import Mesh, build_mesh
 from headway.models import Law
 from headway.scenario.motion import Motion
@@ -99,6 +99,7 @@ class Frame:
     needs: NDArray[np.bool_]
     span: NDArray[np.int64]
     delays: Array
+    hops: Array  # (G, 2, HOPS, 2), see `layout.Platoon`
     mesh: Mesh
     extra: bool
     hears_late_acceleration: bool
@@ -116,7 +117,8 @@ class Frame:
         mesh = build_mesh(scenario.end, scenario.step, output_times(scenario), jumps)
         return cls(
             scenario, runs, groups, table, slots.needs_array(), slots.span_array(), np.array(slots.delays, dtype=float),
-            mesh, slots.late_accelerations_between(mesh), bool(slots.accelerations),
+            np.stack([_hops(scenario.followers[row]) for row, _ in runs]), mesh,
+            slots.late_accelerations_between(mesh), bool(slots.accelerations),
         )  # fmt: skip
 
 
@@ -143,6 +145,11 @@ class Plan:
         motions = [first.motion] if shared else [s.motion for s in scenarios]
         return cls.of_lanes(Frame.of(first), motions, Lanes.of(scenarios, motions))
 
+    @property
+    def settled(self) -> bool:
+        """Whether events can be stepped on: a late acceleration read off the nodes takes the extra point."""
+        return self.extra or not self.hears_late_acceleration
+
     @classmethod
     def of_lanes(cls, frame: Frame, motions: list[Motion], lanes: Lanes) -> Plan:
         """The plan of lanes behind one leader's motion, or one for each."""
@@ -168,6 +175,9 @@ class Plan:
             limits=np.ascontiguousarray(lanes.limits).reshape(2, -1),
             needs=frame.needs,
             span=frame.span,
+            delays=frame.delays,
+            hops=frame.hops,
+            end=frame.scenario.end,
         )
         return cls(
             frame.scenario, platoon, motions, frame.delays, frame.mesh, frame.extra, frame.hears_late_acceleration,
@@ -273,6 +283,14 @@ def _fill_group(
     group[GROUP["serial"]] = hears_now and vehicle.lag == 0
     group[GROUP["chained"]] = hears_now and plain
     group[GROUP["pure"]] = vehicle.lag == 0 and bool(np.all(slots[: len(law.signals)] >= 0))
+
+
+def _hops(vehicle: Vehicle) -> Array:
+    """What a vehicle perceives of the one ahead and of itself: rows (delay, orders gained), -1 behind the last."""
+    table = np.full((2, HOPS, 2), -1.0)
+    for side, rows in enumerate(hops(vehicle)):
+        table[side, : len(rows)] = np.array(rows, dtype=float).reshape(-1, 2)
+    return table
 
 
 def _implicit(vehicle: Vehicle) -> bool:

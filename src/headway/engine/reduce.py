@@ -14,7 +14,6 @@ import numpy as np
 from numba import njit
 
 from headway.engine.kernel import advance, advance_ballistic
-from headway.engine.layout import FLAG_JUMP, NOTE
 from headway.engine.loops import copy, fast, seldom
 
 __all__ = ["AT_ONCE", "EXTREMES", "QUANTITIES", "SQUARE", "Kept", "finish_kept", "reduced", "reduced_ballistic"]
@@ -71,9 +70,18 @@ def _error(out, ahead, own, length, start):
 
 
 @fast
+def _simulated(out, a, x):
+    """Accelerations, but none of vehicles beyond a collision: laws of late signals go on answering for a while."""
+    for i in range(out.size):
+        out[i] = a[i] + (x[i] - x[i])
+
+
+@fast
 def _add_square(total, y, w):
     for i in range(total.size):
-        total[i] += y[i] * y[i] * w
+        # beyond a collision nothing is known
+        square = y[i] * y[i] * w
+        total[i] += square if square == square else 0.0
 
 
 @fast
@@ -81,7 +89,8 @@ def _news(y, after, high, low):
     """Whether a sample is a new highest or least one, and not less extreme than the next."""
     found = 0
     for i in range(y.size):
-        found |= ((y[i] > high[i]) & (y[i] >= after[i])) | ((-y[i] > low[i]) & (y[i] <= after[i]))
+        # (said so that the last sample before a collision, behind which there is none, counts)
+        found |= ((y[i] > high[i]) & (not y[i] < after[i])) | ((-y[i] > low[i]) & (not y[i] > after[i]))
     return found != 0
 
 
@@ -94,7 +103,7 @@ def _keep(kept, q, number, first, last):
         best, place, around = kept.best[q, side], kept.place[q, side], kept.around[q, side]
         sign = 1.0 if side == 0 else -1.0
         for i in range(first, last):
-            if sign * y[i] > best[i] and sign * y[i] >= sign * after[i]:
+            if sign * y[i] > best[i] and not sign * y[i] < sign * after[i]:
                 best[i] = sign * y[i]
                 place[i] = number
                 for j in range(5):
@@ -109,7 +118,7 @@ def _signal(code, y, x, v, a, first, last, kept, B):
     elif code == _SPEED:
         copy(y, v[first:last])
     elif code == _ACCELERATION:
-        copy(y, a[first:last])
+        _simulated(y, a[first:last], x[first:last])
     elif code == _RELATIVE:
         _difference(y, v[first - B : last - B], v[first:last])
     else:
@@ -147,33 +156,38 @@ def _take(kept, number, rows, right, count, ring, B):
 
 
 @_kernel
-def reduced(last, row0, extra, platoon, steps, record, state, kept, number, out, B):
-    """Make the first `last` steps by `advance` and reduce each start to `record`; the number of samples so far.
+def reduced(first, last, row0, detect, extra, lanes, platoon, steps, record, state, alone, kept, number, out, B):
+    """Make steps `first` … `last`-1 by `advance` and reduce each start to `record`.
+
+    Returns (number of the next step, samples so far); it may return before `last` is reached, as `advance` may.
 
     `steps` record nothing themselves, so `out` is not written to.
     """
     ring, rows, right = state.ring, kept.rows, kept.right
-    for k in range(0, last, AT_ONCE):
-        end = min(k + AT_ONCE, last)
-        advance(k, end, row0, NOTE, False, extra, platoon, steps, state, out, 0, B)
+    k = first
+    while k < last:
+        end, _ = advance(k, min(k + AT_ONCE, last), row0, detect, extra, lanes, platoon, steps, state, alone, out, 0, B)
+        if end == k:
+            break
         count = 0
         for i in range(k, end):
             if record[i]:
                 rows[count] = (row0 + i) % ring.shape[1]
-                right[count] = steps.flags[i] & FLAG_JUMP
+                right[count] = state.two[rows[count]]
                 count += 1
         _take(kept, number, rows, right, count, ring, B)
         number += count
-    return number
+        k = end
+    return k, number
 
 
 @_kernel
-def reduced_ballistic(last, row0, platoon, steps, record, state, kept, number, out, B):
-    """The same by `advance_ballistic`."""
+def reduced_ballistic(first, last, row0, platoon, steps, record, state, kept, number, out, B):
+    """Make steps by `advance_ballistic` and reduce each start to `record`; as `reduced`."""
     ring, rows, right = state.ring, kept.rows, kept.right
-    for k in range(0, last, AT_ONCE):
+    for k in range(first, last, AT_ONCE):
         end = min(k + AT_ONCE, last)
-        advance_ballistic(k, end, row0, NOTE, platoon, steps, state, out, 0, B)
+        advance_ballistic(k, end, row0, platoon, steps, state, out, 0, B)
         count = 0
         for i in range(k, end):
             if record[i]:
@@ -182,7 +196,7 @@ def reduced_ballistic(last, row0, platoon, steps, record, state, kept, number, o
                 count += 1
         _take(kept, number, rows, right, count, ring, B)
         number += count
-    return number
+    return last, number
 
 
 @_kernel

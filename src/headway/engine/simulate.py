@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from headway.checked import typed
-from headway.engine.events import RunAlone
 from headway.engine.plan import Plan, structure
 from headway.engine.run import Result, Run
 from headway.engine.trajectories import to_dataset
@@ -20,7 +20,7 @@ from headway.scenario.scenario import Scenario
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["simulate", "simulate_many", "solve"]
+__all__ = ["check_sound", "simulate", "simulate_many", "solve"]
 
 Array = NDArray[np.float64]
 
@@ -72,28 +72,43 @@ def _block(scenarios: Sequence[Scenario]) -> list[Result]:
     if len(scenarios) == 1:
         return [solve(scenarios[0])]
     batch = Run(Plan.of(scenarios)).go()
-    bad = batch.disturbed | ~np.isfinite(batch.motion).all(axis=(0, 1, 2))
-    return [
-        solve(s) if bad[b] else batch._replace(motion=np.ascontiguousarray(batch.motion[..., b : b + 1]))
-        for b, s in enumerate(scenarios)
-    ]
+    results = [batch.lane(b) for b in range(len(scenarios))]
+    again = np.flatnonzero(batch.unsettled).tolist()
+    if again:
+        second = Run(dataclasses.replace(Plan.of([scenarios[b] for b in again]), extra=True)).go()
+        for n, b in enumerate(again):
+            results[b] = second.lane(n)
+    for scenario, result in zip(scenarios, results, strict=True):
+        check_sound(scenario, result)
+    return results
 
 
-def solve(scenario: Scenario) -> Result:
-    """Integrate one scenario; see `headway.engine.trajectories` for what becomes of the result."""
-    result = RunAlone(Plan.of([scenario])).go()
-    _check_finite(scenario, result)
+def solve(scenario: Scenario, cancelled: Callable[[], bool] | None = None) -> Result:
+    """Integrate one scenario; see `headway.engine.trajectories` for what becomes of the result.
+
+    `cancelled` is asked several times a second whether to end: `CancelledError`.
+    """
+    plan = Plan.of([scenario])
+    result = Run(plan, cancelled=cancelled).go()
+    if result.unsettled.any():
+        result = Run(dataclasses.replace(plan, extra=True), cancelled=cancelled).go()
+    check_sound(scenario, result)
     return result
 
 
-def _check_finite(scenario: Scenario, result: Result) -> None:
-    """A value that is not finite and not behind a collision comes from a law."""
-    hit = np.flatnonzero(np.isfinite(result.collision_time))
+def check_sound(scenario: Scenario, result: Result) -> None:
+    """`HeadwayError` where a value is not finite and not behind a collision: the law gave it, or the lane ended."""
+    hit = np.flatnonzero(np.isfinite(result.collision[:, 0]))
     simulated = hit.min() if hit.size else result.motion.shape[2]
     bad = ~np.isfinite(result.motion[:, :, :simulated, 0]).all(axis=0)
     if not bad.any():
         return
     when, who = np.argwhere(bad)[0]
+    if result.fault[0]:
+        raise HeadwayError(
+            f"shortly before t = {result.time[when]:g} s vehicles stop, start or reach their limits more often than "
+            "can be followed within one step; a law that switches between two answers does that: make it continuous"
+        )
     before = max(int(when) - 1, 0)
     x, v = result.motion[0, before, :, 0], result.motion[1, before, :, 0]
     length = scenario.leader_length if who == 1 else scenario.followers[who - 2].length

@@ -61,7 +61,7 @@ def to_dataset(scenario: Scenario, result: Result) -> xr.Dataset:
     limited = {"limit_low": ("vehicle", low), "limit_high": ("vehicle", high)}
     dataset = xr.Dataset(
         {name: (("vehicle", "time"), values) for name, values in variables(scenario, result).items()}
-        | {"collision_time": ("vehicle", result.collision_time)},
+        | {"collision_time": ("vehicle", result.collision[:, 0])},
         coords={
             "vehicle": np.arange(1 + len(models)),
             "time": result.time,

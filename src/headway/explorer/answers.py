@@ -6,6 +6,7 @@ import json
 import math
 import warnings
 from collections.abc import Callable
+from concurrent.futures import CancelledError
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from headway.analysis.platoon import head_to_tail
 from headway.engine.run import Result
 from headway.engine.trajectories import to_dataset
 from headway.errors import HeadwayWarning
-from headway.explorer.picture import Picture, StaleError, linear_of
+from headway.explorer.picture import Picture, linear_of
 from headway.explorer.state import State
 from headway.metrics.sizes import UNPHYSICAL
 from headway.models import RADIO
@@ -35,12 +36,12 @@ def verdicts(state: State, stale: Callable[[], bool]) -> list[str]:
     sentences = []
     for linear in dict.fromkeys(chain.vehicles):
         if stale():
-            raise StaleError
+            raise CancelledError
         who = [n for n, other in enumerate(chain.vehicles, start=1) if other == linear]
         name = f"vehicle {who[0]}" + (f" and {len(who) - 1} like it" if len(who) > 1 else "")
         sentences.append(f"{name}, {linear.vehicle.model.name}: {words.verdict(linear, linear.critical_delays())}")
     if stale():
-        raise StaleError
+        raise CancelledError
     return sentences + words.of_chain(chain)
 
 

@@ -18,17 +18,16 @@ from numpy.typing import NDArray
 
 from headway.analysis.linear import Linear
 from headway.analysis.platoon import head_to_tail
-from headway.engine.events import RunAlone
 from headway.engine.plan import Frame, Lanes, Plan, structure
 from headway.engine.run import Prepared, Result, Run
-from headway.engine.simulate import solve
+from headway.engine.simulate import check_sound, solve
 from headway.engine.trajectories import lengths
 from headway.errors import HeadwayError, HeadwayWarning, LeaderHeardError
 from headway.explorer.state import State
 from headway.scenario.motion import Motion
 from headway.scenario.scenario import Scenario
 
-__all__ = ["Picture", "Quick", "StaleError", "draw", "linear_of", "marks", "run_exactly", "thinned"]
+__all__ = ["Picture", "Quick", "draw", "linear_of", "marks", "thinned"]
 
 Array = NDArray[np.float64]
 
@@ -40,10 +39,6 @@ _DRAFT_POINTS = 350
 
 #: frequencies [rad/s] of the |G| curve
 OMEGA = np.geomspace(0.01, 10.0, 240)
-
-
-class StaleError(Exception):
-    """A newer request has come: what is being computed is not wanted any more."""
 
 
 class Picture(NamedTuple):
@@ -69,38 +64,16 @@ class Quick:
         self._shared: _Shared | None = None
 
     def __call__(self, scenario: Scenario, stale: Callable[[], bool]) -> Result:
-        """The result of `simulate`, with the same bits. Raises `StaleError` when `stale()` turns true."""
+        """The result of `simulate`, with the same bits. Raises `CancelledError` when `stale()` turns true."""
         key = (structure(scenario), scenario.leader, scenario.cruise, scenario.seed)
         if self._shared is None or self._shared.key != key:
             self._shared = _Shared(key, Frame.of(scenario), [scenario.motion], {})
         _, frame, motions, prepared = self._shared
-        batch = Run(Plan.of_lanes(frame, motions, Lanes.of([scenario], motions)), prepared).go()
-        if batch.disturbed.any() or not np.isfinite(batch.motion).all():
-            return run_exactly(scenario, stale)
-        return batch
-
-
-class _Watched(RunAlone):
-    """A run that ends when it is not wanted any more."""
-
-    def __init__(self, plan: Plan, stale: Callable[[], bool]) -> None:
-        super().__init__(plan)
-        self._stale = stale
-
-    def advance(self, first: int, last: int, detect: int, nodes: Array) -> tuple[int, int]:
-        if self._stale():
-            raise StaleError
-        return super().advance(first, last, detect, nodes)
-
-
-def run_exactly(scenario: Scenario, stale: Callable[[], bool]) -> Result:
-    """The result of `simulate`; looks now and then whether it is still wanted (`StaleError`)."""
-    result = _Watched(Plan.of([scenario]), stale).go()
-    hit = np.flatnonzero(np.isfinite(result.collision_time))
-    sound = result.motion[:, :, : hit.min() if hit.size else None]
-    if not np.isfinite(sound).all():
-        return solve(scenario)  # which says who, where and when
-    return result
+        result = Run(Plan.of_lanes(frame, motions, Lanes.of([scenario], motions)), prepared, stale).go()
+        if result.unsettled.any():
+            return solve(scenario, stale)
+        check_sound(scenario, result)
+        return result
 
 
 def linear_of(state: State) -> Linear:
@@ -141,7 +114,7 @@ def draw(state: State, quick: Quick, points: int, draft: bool, stale: Callable[[
         apart = step * max(1, math.ceil(scenario.end / step / points - 1e-9))
         result = quick(_stepped(scenario, min(step, scenario.end), min(apart, scenario.end)), stale)
     else:
-        result = run_exactly(scenario, stale)
+        result = solve(scenario, stale)
     arrays = thinned(scenario, result, points)
     header = {
         "draft": draft,

@@ -13,7 +13,7 @@ import logging
 import struct
 import time
 from collections.abc import Awaitable, Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +22,7 @@ import numpy as np
 from headway.errors import HeadwayError, shorten
 from headway.explorer import state as states
 from headway.explorer.answers import figures, map_key, map_of, verdicts
-from headway.explorer.picture import Picture, Quick, StaleError, draw
+from headway.explorer.picture import Picture, Quick, draw
 from headway.models import Law
 
 __all__ = ["Session", "frame"]
@@ -31,6 +31,9 @@ _log = logging.getLogger("headway.explorer")
 
 #: how long [s] nothing new may come before the exact answers are computed
 _REST = 0.12
+
+#: how long [s] a draft may take though a newer state has come
+_PATIENCE = 0.2
 
 #: points of the map each way, first and then
 _COARSE, _FINE = 40, 110
@@ -120,7 +123,7 @@ class Session:
     async def _answer(self, request: _Request, stale: Callable[[], bool]) -> None:
         try:
             await self._answers(request, stale)
-        except StaleError:
+        except CancelledError:
             pass
         except HeadwayError as error:
             await self._say("error", request.id, text=str(error))
@@ -132,7 +135,12 @@ class Session:
     async def _answers(self, request: _Request, stale: Callable[[], bool]) -> None:
         begun = time.perf_counter()
         state = states.read(request.state, self._laws, self._files, self.limits)
-        picture, _ = await self._compute(draw, state, self._quick, request.points, True, stale)
+
+        def too_late() -> bool:
+            # a hand that moves sends states faster than they are drawn: a draft is only given up if it takes long
+            return stale() and time.perf_counter() - begun > _PATIENCE
+
+        picture, _ = await self._compute(draw, state, self._quick, request.points, True, too_late)
         picture.header["server_ms"] = round(1e3 * (time.perf_counter() - begun), 3)
         await self._send(frame("pinned" if request.pinned else "curves", request.id, picture))
         if request.pinned:

@@ -72,9 +72,15 @@ def extremes(time: Array, values: Array, mode: int, bounds: Bounds, collision: A
     return Extremes(high, low, square, collision, np.isfinite(values[..., -1]))
 
 
-def from_batches(time: Array, batches: list[dict[str, Reduction]], limits: Bounds) -> dict[str, Extremes]:
-    """Extremes (vehicle, lane) of batches of one structure, side by side; `limits` (vehicle, lane) of accelerations."""
+def from_batches(
+    time: Array, batches: list[dict[str, Reduction]], limits: Bounds, collision: Array
+) -> dict[str, Extremes]:
+    """Extremes (vehicle, lane) of batches of one structure, side by side.
+
+    `limits` (vehicle, lane) of accelerations; `collision` (vehicle, lane) [s], NaN where there is none.
+    """
     found = {}
+    to_the_end = ~np.logical_or.accumulate(np.isfinite(collision), axis=0)
     for signal in batches[0]:
         parts: list[Reduction] = [batch[signal] for batch in batches]
         best = np.concatenate([p.best for p in parts], axis=2)
@@ -89,7 +95,8 @@ def from_batches(time: Array, batches: list[dict[str, Reduction]], limits: Bound
             values = refined(time, best[of].ravel(), place[of].ravel(), around[side, :, front:].reshape(5, -1), far)
             found_side[front:] = values.reshape(found_side[front:].shape)
         square = np.concatenate([p.mean_square for p in parts], axis=1)
-        found[signal] = Extremes(high, -low, np.sqrt(square))
+        has_value = (np.arange(best.shape[1]) >= front)[:, None]
+        found[signal] = Extremes(high, -low, np.sqrt(square), collision, to_the_end & has_value)
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import threading
 from collections.abc import Sequence
@@ -77,22 +78,24 @@ class Pool:
         if self.stop.is_set():
             raise CancelledError
 
-    def frame(self, kind: Kind) -> Frame:
-        """The frame of a structure."""
-        frame = self.frames.get(kind.structure)
+    def frame(self, kind: Kind, extra: bool = False) -> Frame:
+        """The frame of a structure; `extra`: with the point that late accelerations take between nodes."""
+        key = (kind.structure, extra)
+        frame = self.frames.get(key)
         if frame is None:
             if len(self.frames) >= 512:
                 self.frames.clear()
-            frame = self.frames[kind.structure] = Frame.of(kind.template.scenario)
+            frame = dataclasses.replace(self.frame(kind), extra=True) if extra else Frame.of(kind.template.scenario)
+            self.frames[key] = frame
         return frame
 
-    def steps(self, kind: Kind, shared: bool) -> Prepared:
+    def steps(self, kind: Kind, shared: bool, extra: bool = False) -> Prepared:
         """What is prepared for batches behind the leader of `kind`, or behind many leaders."""
         self.go_on()
-        key = (kind.structure, kind.leader if shared else None)
+        key = (kind.structure, kind.leader if shared else None, extra)
         found = self.prepared.get(key)
         if found is None:
-            frame = self.frame(kind)
+            frame = self.frame(kind, extra)
             size = frame.mesh.steps * (1 + frame.delays.size) * _STEP_BYTES
             if self.bytes + size > _KEPT_BYTES:
                 self.prepared, self.bytes = {}, 0  # runs under way keep theirs

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine.measured import Measured
+from headway.engine.measured import Measured, Measurement
 from headway.engine.plan import Lanes, Plan
 from headway.engine.run import Prepared, Run
 from headway.engine.simulate import solve
@@ -223,12 +223,12 @@ class Worker:
 
     def _batches(
         self, kinds: list[Kind], which: NDArray[np.int64], points: NDArray[np.int64], lanes: Lanes,
-        columns: Mapping[str, np.ndarray], piece: Piece,
+        columns: Mapping[str, np.ndarray], piece: Piece, extra: bool = False,
     ) -> None:  # fmt: skip
-        """Lanes of one structure, a batch at a time; those in which something happens are run again by themselves."""
-        frame = self.pool.frame(kinds[0])
+        """Lanes of one structure, a batch at a time; `extra`: with what events and late accelerations take together."""
+        frame = self.pool.frame(kinds[0], extra)
         size = batch_size(frame.scenario)
-        found, alone = [], []
+        parts: list[Measurement] = []
         time = frame.mesh.time[frame.mesh.record]
         for start in range(0, points.size, size):
             block = slice(start, min(start + size, points.size))
@@ -237,27 +237,31 @@ class Worker:
             leaders = [kinds[first]] if shared else [kinds[k] for k in which[block]]
             motions = [k.template.scenario.motion for k in leaders]
             plan = Plan.of_lanes(frame, motions, chosen_lanes(lanes, block))
-            run = self._run(plan, self.pool.steps(kinds[first], shared))
-            reductions, disturbed = run.measure()
-            found.append(reductions)
-            alone.append(disturbed)
+            parts.append(self._run(plan, self.pool.steps(kinds[first], shared, extra)).measure())
         vehicles = lanes.gaps.shape[0] + 1
         free = np.full((1, points.size), np.inf)  # the leader's
         within = np.vstack((-free, lanes.limits[0])), np.vstack((free, lanes.limits[1]))
-        extremes = from_batches(time, found, within) if self.needs else {}
+        collision = np.concatenate([part.collision for part in parts], axis=1)
+        extremes = from_batches(time, [part.reductions for part in parts], within, collision) if self.needs else {}
+        each = points[:, None], np.arange(vehicles)
         for metric in self.job.metrics:
-            if metric.reduced is not None and metric.reduced.signal:
-                made = metric.reduced.make(extremes[metric.reduced.signal])
-                piece.values[metric.name][points[:, None], np.arange(vehicles)] = made.T
-        for i in points[np.concatenate(alone)]:
+            if metric.reduced is not None:
+                made = metric.reduced.make(extremes[metric.reduced.signal]) if metric.reduced.signal else collision
+                piece.values[metric.name][each] = made.T
+        piece.status[points[np.isfinite(collision).any(axis=0)]] = COLLIDED
+        again = np.flatnonzero(np.concatenate([part.unsettled for part in parts]))
+        if again.size:
+            self._batches(kinds, which[again], points[again], chosen_lanes(lanes, again), columns, piece, extra=True)
+        # a law that answers something that is no number is asked by itself, which says who, where and when
+        for i in points[np.concatenate([part.unsound for part in parts])]:
             self._alone(columns, int(i), piece)
 
     def _blocks(
         self, kinds: list[Kind], which: NDArray[np.int64], points: NDArray[np.int64], lanes: Lanes,
-        columns: Mapping[str, np.ndarray], piece: Piece,
+        columns: Mapping[str, np.ndarray], piece: Piece, extra: bool = False,
     ) -> None:  # fmt: skip
         """Lanes of one structure with their trajectories, as many at once as fit; a block has one leader."""
-        frame = self.pool.frame(kinds[0])
+        frame = self.pool.frame(kinds[0], extra)
         vehicles = lanes.gaps.shape[0] + 1
         size = max(1, min(batch_size(frame.scenario), MOST_SAMPLES // (int(frame.mesh.record.sum()) * vehicles)))
         breaks = [n for n in range(1, points.size) if kinds[which[n]].leader != kinds[which[n - 1]].leader]
@@ -266,13 +270,18 @@ class Worker:
                 block = slice(start, min(start + size, end))
                 kind, some = kinds[which[start]], chosen_lanes(lanes, block)
                 scenario = kind.template.scenario
-                result = Run(Plan.of_lanes(frame, [scenario.motion], some), self.pool.steps(kind, True)).go()
-                disturbed = result.disturbed | ~np.isfinite(result.motion).all(axis=(0, 1, 2))
-                good = np.flatnonzero(~disturbed)
-                for i in points[block][disturbed]:
+                plan = Plan.of_lanes(frame, [scenario.motion], some)
+                result = Run(plan, self.pool.steps(kind, True, extra), self.pool.stop.is_set).go()
+                again = np.flatnonzero(result.unsettled)
+                if again.size:
+                    lanes_again = chosen_lanes(some, again)
+                    self._blocks(kinds, which[block][again], points[block][again], lanes_again, columns, piece, True)
+                for i in points[block][result.unsound & ~result.unsettled]:
                     self._alone(columns, int(i), piece)
+                good = np.flatnonzero(~(result.unsettled | result.unsound))
                 if good.size:
-                    collision = np.full((vehicles, good.size), np.nan)
+                    collision = result.collision[:, good]
+                    piece.status[points[block][good][np.isfinite(collision).any(axis=0)]] = COLLIDED
                     runs = stacked(scenario, result.time, result.motion[..., good], collision, chosen_lanes(some, good))
                     self._take(*measured(self.job.metrics, runs), points[block][good], piece)
 
@@ -292,12 +301,13 @@ class Worker:
         if (
             last is not None
             and last.mesh is plan.mesh
+            and last.plan.extra == plan.extra
             and last.plan.x.shape == plan.x.shape
             and len(last.plan.motions) == len(plan.motions)
         ):
             last.again(plan, prepared)
             return last
-        self.last.run = Measured(plan, self.needs, prepared)
+        self.last.run = Measured(plan, self.needs, prepared, self.pool.stop.is_set)
         return self.last.run
 
     def _alone(self, columns: Mapping[str, np.ndarray], i: int, piece: Piece) -> None:
@@ -309,7 +319,7 @@ class Worker:
         except HeadwayError as error:
             return self._refuse(piece, i, str(error))
         try:
-            result = solve(scenario)
+            result = solve(scenario, self.pool.stop.is_set)
             known = variables(scenario, result)
             hit = result.collision_time
             extremes: dict[str, Extremes] = of_run(result.time, known, self.needs, limits(scenario), hit)
