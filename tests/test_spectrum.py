@@ -155,7 +155,9 @@ def test_the_reason_of_a_critical_delay_of_nothing_is_told(cli):
 @pytest.mark.parametrize("late", [0.002, 0.005, 0.0101, 0.3])
 def test_short_waves_beyond_the_sweep_are_part_of_the_verdict(late):
     found = linear(CACC(kp=0.2, kd=0.6, kv=0.2, ka=0.9, h=1.5), delay=late)
-    assert found.peak_gain == pytest.approx(9.0, rel=0.02)
+    sampled = float(np.max(found.gain(np.linspace(0.01, 40.0 * math.pi / late, 400_001))))
+    assert found.peak_gain >= 9.0 * (1.0 - 1e-12)
+    assert found.peak_gain == pytest.approx(max(sampled, 9.0), rel=1e-4)
     assert not found.string_stable
     assert found.margin == -math.inf
     assert found.critical_delay("string") == 0.0

@@ -248,10 +248,10 @@ def _tail(row):
 
 @_compiled
 def _beyond(row, end, gain):
-    """Least `_value` from `_COMMON` to `end` and where; windows of samples where delays turn too fast for all."""
-    step = math.pi / (8.0 * _longest(row)) if _longest(row) > 0.0 else math.inf
+    """Least `_value` from about `_COMMON` to `end` and where; windows of samples where all are too many."""
+    step = math.pi / (16.0 * _longest(row)) if _longest(row) > 0.0 else math.inf
     resolved = SAMPLES * step
-    w = older = _COMMON
+    w = older = 0.8 * _COMMON  # a dip at the seam lies in one of the two parts
     best = h_old = _short_value(row, w, gain)
     where, h_older, count = w, math.inf, 0
     depth = np.full(_REFINED, math.inf)

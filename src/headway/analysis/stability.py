@@ -213,7 +213,9 @@ def smallest(h: Callable[[Any], Any], omega: Array, at_zero: float) -> tuple[flo
     left, middle, right = values[inner - 1], values[inner], values[inner + 1]
     with np.errstate(all="ignore"):
         depth = middle - np.nan_to_num((left - right) ** 2 / (8.0 * (left - 2.0 * middle + right)))
-    for i in inner[np.argsort(depth)][:_REFINED]:
+    # sharp dips between coarse samples look deeper than they are: the lowest samples count, too
+    chosen = np.union1d(inner[np.argsort(depth)][:_REFINED], inner[np.argsort(middle)][:_REFINED])
+    for i in chosen:
         best = min(best, least(h, float(omega[i - 1]), float(omega[i + 1])), (float(values[i]), float(omega[i])))
     return best
 
