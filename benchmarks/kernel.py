@@ -19,7 +19,7 @@ from headway.engine.run import Result, Run
 from headway.engine.simulate import lanes_per_block, simulate_many
 from headway.models import Law, Model
 from headway.models.registry import BUILT_IN
-from headway.scenario.disturbance import Sine
+from headway.scenario.leaders import Sine
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 

@@ -20,7 +20,7 @@ import numpy as np
 from headway.engine.plan import Plan
 from headway.engine.simulate import lanes_per_block, simulate
 from headway.models import IDM
-from headway.scenario.disturbance import Brake, Sine
+from headway.scenario.leaders import Brake, Sine
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 from headway.study.axes import between

@@ -10,7 +10,7 @@ import numpy as np
 
 from headway.engine.simulate import simulate
 from headway.models.registry import IDM
-from headway.scenario.disturbance import Sine
+from headway.scenario.leaders import Sine
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 

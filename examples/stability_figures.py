@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import headway as hw
-from headway.analysis.paper_maps import NAMES, paper_map
+from headway.literature.barhoumi2025.maps import NAMES, paper_map
 from headway.models import CACC, IDM
 
 

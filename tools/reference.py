@@ -10,7 +10,7 @@ from typing import Any
 import headway
 from headway.cli import app
 from headway.models.registry import BUILT_IN
-from headway.scenario.files import schema
+from headway.scenario.document import schema
 
 __all__ = ["PAGES"]
 
@@ -22,13 +22,14 @@ _ROOMS = {
     "library": "Ready scenarios",
     "engine": "Simulation",
     "results": "Results",
-    "analysis": "Theory",
+    "theory": "Theory",
     "metrics": "Metrics",
     "study": "Studies",
     "calibration": "Calibration",
     "data": "Real data",
     "plot": "Figures",
     "explorer": "The explorer",
+    "conformance": "Laws",
     "errors": "Errors",
 }
 
@@ -39,10 +40,10 @@ _NOTES = {"Scenarios and leaders": "Their fields, with units and bounds: [scenar
 #: heading of a room → classes that are got as results rather than by name
 _RESULTS = {
     "Theory": (
-        "headway.analysis.linear.Linear",
-        "headway.analysis.platoon.Chain",
-        "headway.analysis.margins.Margins",
-        "headway.analysis.propagation.Propagation",
+        "headway.theory.linear.Linear",
+        "headway.theory.platoon.Chain",
+        "headway.theory.margins.Margins",
+        "headway.theory.propagation.Propagation",
     ),
 }
 

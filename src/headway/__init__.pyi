@@ -10,12 +10,8 @@ from headway import maths as maths
 from headway import metrics as metrics
 from headway import models as models
 from headway import plot as plot
-from headway.analysis.conformance import check_model as check_model
-from headway.analysis.linear import linearize as linearize
-from headway.analysis.map import StabilityMap as StabilityMap
-from headway.analysis.map import stability_map as stability_map
-from headway.analysis.platoon import head_to_tail as head_to_tail
 from headway.calibration.fit import calibrate as calibrate
+from headway.conformance import check_model as check_model
 from headway.engine.simulate import simulate as simulate
 from headway.engine.simulate import simulate_many as simulate_many
 from headway.errors import HeadwayError as HeadwayError
@@ -32,7 +28,9 @@ from headway.models.own import load_laws as load_laws
 from headway.results import open_results as open_results
 from headway.results import save as save
 from headway.scenario.behind import behind as behind
-from headway.scenario.disturbance import (
+from headway.scenario.document import from_toml as from_toml
+from headway.scenario.document import load as load
+from headway.scenario.leaders import (
     Brake,
     Chirp,
     Constant,
@@ -46,15 +44,17 @@ from headway.scenario.disturbance import (
     Triangle,
     Window,
 )
-from headway.scenario.files import from_toml as from_toml
-from headway.scenario.files import load as load
 from headway.scenario.recorded import Recorded
 from headway.scenario.scenario import Scenario as Scenario
 from headway.scenario.vehicle import Vehicle as Vehicle
 from headway.study.axes import between as between
-from headway.study.files import load_study as load_study
+from headway.study.document import load_study as load_study
 from headway.study.study import Study as Study
 from headway.study.study import open_study as open_study
+from headway.theory.linear import linearize as linearize
+from headway.theory.map import StabilityMap as StabilityMap
+from headway.theory.map import stability_map as stability_map
+from headway.theory.platoon import head_to_tail as head_to_tail
 from headway.version import __version__ as __version__
 
 constant = Constant

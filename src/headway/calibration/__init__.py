@@ -1,12 +1,12 @@
 """Real platoons: fit laws to recorded followers, test them on other runs and whole strings, see where they fail."""
 
-from headway.calibration.crossing import cross_validate
-from headway.calibration.errors import Errors
-from headway.calibration.files import load_followers, save
+from headway.calibration.baselines import Errors
+from headway.calibration.behind import one_in, replay
+from headway.calibration.crossvalidation import cross_validate
+from headway.calibration.document import load_followers, save
 from headway.calibration.fit import Fit, calibrate
-from headway.calibration.made import as_recorded
-from headway.calibration.platoon import one_in, replay
-from headway.calibration.transfer import Growth, Transfer, growth, measured_transfer, spectra
+from headway.calibration.measured_transfer import Growth, Transfer, growth, measured_transfer, spectra
+from headway.calibration.synthetic import as_recorded
 from headway.calibration.uncertainty import Profile
 from headway.calibration.verdict import StringVerdict, verdict
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.calibration.errors import Errors, errors_on
+from headway.calibration.baselines import Errors, errors_on
 from headway.calibration.loop import OBJECTIVES, PENALTY, Loop
 from headway.calibration.search import search
 from headway.calibration.segments import Segment, Window, cut
@@ -133,13 +133,13 @@ class Fit:
 
     def to_toml(self) -> str:
         """The fit as TOML whose `followers` a scenario accepts."""
-        from headway.calibration.files import to_toml
+        from headway.calibration.document import to_toml
 
         return to_toml([self])
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write `to_toml` to a file; returns its path."""
-        from headway.calibration.files import save
+        from headway.calibration.document import save
 
         return save([self], path)
 

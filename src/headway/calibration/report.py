@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from headway.html import block, paragraph, table
 
 if TYPE_CHECKING:
-    from headway.calibration.errors import Errors
+    from headway.calibration.baselines import Errors
     from headway.calibration.fit import Fit
 
 __all__ = ["fit_html", "report", "unit_of"]

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from headway.analysis.linear import Linear, linearize
-from headway.analysis.words import times
 from headway.calibration.fit import Fit
 from headway.checked import typed
 from headway.errors import HeadwayError, HeadwayWarning
 from headway.scenario.vehicle import Vehicle
+from headway.theory.linear import Linear, linearize
+from headway.theory.sentences import times
 
 __all__ = ["StringVerdict", "linear_of", "verdict"]
 
@@ -65,7 +65,7 @@ def verdict(fit: Fit, speed: float | None = None) -> StringVerdict:
     Raises HeadwayError where the fitted law has no equilibrium at that speed, LeaderHeardError where it hears the
     platoon leader.
     """
-    from headway.analysis import sweep
+    from headway.theory import sweep
 
     at = fit.speeds[1] if speed is None else float(speed)
     own = linear_of(fit, fit.vehicle, at)

@@ -11,7 +11,7 @@ from headway.cli import show
 from headway.cli.options import Json, ModelFile, laws_of
 
 if TYPE_CHECKING:
-    from headway.study.benchmark.outcome import Outcome
+    from headway.benchmark.outcome import Outcome
 
 __all__ = ["benchmark"]
 
@@ -30,17 +30,17 @@ def benchmark(
     json: Json = False,
 ) -> None:
     """Compare models under the same disturbances and delays, and write a report."""
-    from headway.study.benchmark.spec import load_benchmark
+    from headway.benchmark.spec import load_benchmark
 
     described = load_benchmark(file, laws_of(model), leader or [])
     if quick:
         described = described.quick()
-    from headway.study.benchmark.outcome import compare
+    from headway.benchmark.outcome import compare
 
     with show.progress("simulating") as progress:
         outcome = compare(described, progress)
-    from headway.view.benchmark_report import benchmark_report
-    from headway.view.report import write
+    from headway.benchmark.report import benchmark_report
+    from headway.report import write
 
     files: dict[str, bytes | str] = {file.name: file.read_bytes()} if file is not None else {}
     with show.working("writing the report"):

@@ -70,7 +70,7 @@ def calibrate(
     typed = parse.pairs("--bound", bound, "name=low:high, e.g. T=0.5:3") or {}
     bounds = {name: parse.window("--bound", text) for name, text in typed.items()}
 
-    from headway.calibration.files import save
+    from headway.calibration.document import save
     from headway.calibration.fit import calibrate as fit_vehicle
     from headway.data.readers import read
 
@@ -97,7 +97,7 @@ def calibrate(
     if figure is not None:
         written += _draw(fits, figure)
     if json:
-        from headway.calibration.files import table
+        from headway.calibration.document import table
 
         show.print_json({"file": file, **table(fits), "written": [str(p) for p in written]})
         return

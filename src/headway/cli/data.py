@@ -13,7 +13,7 @@ from headway.cli.options import Column, Format, Json, Unit, reading
 from headway.errors import unknown_name
 
 if TYPE_CHECKING:
-    from headway.data.catalogue import Entry
+    from headway.data.catalogue import CatalogueEntry
     from headway.data.recording import Recording
 
 __all__ = ["data_app"]
@@ -113,5 +113,5 @@ def _describe_file(recording: Recording, json: bool) -> None:
         print(f"  {finding.severity:<8} {finding.message}")
 
 
-def _entry(entry: Entry) -> dict[str, Any]:
+def _entry(entry: CatalogueEntry) -> dict[str, Any]:
     return dict(vars(entry))

@@ -38,7 +38,7 @@ def explore(
 
     from headway.explorer import explore as start
     from headway.models.own import load_laws
-    from headway.scenario.files import from_table, override
+    from headway.scenario.document import from_table, override
 
     if not 0 <= port <= 65535:
         raise HeadwayError(f"--port {port}: allowed are 0 to 65535")

@@ -12,8 +12,8 @@ from headway.cli.equilibrium import SPEED, check_gap
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
-    from headway.analysis.map import StabilityMap
     from headway.scenario.vehicle import Vehicle
+    from headway.theory.map import StabilityMap
 
 __all__ = ["map_"]
 
@@ -74,7 +74,7 @@ def map_(
     if "gap" not in axes:
         check_gap(car.model, gap)
     with show.working("computing the map (the first one after installation compiles)"):
-        from headway.analysis.map import stability_map
+        from headway.theory.map import stability_map
 
         found = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what)
     if figure is not None:
@@ -112,7 +112,7 @@ def _paper(name: str, given: list[str], out: Path | None, figure: Path | None, j
     if given:
         raise HeadwayError(f"{given[0]} belongs to a map of one's own; name its first axis, e.g. --x T=0.5:2.5")
     with show.working("computing the maps (the first one after installation compiles)"):
-        from headway.analysis.paper_maps import NAMES, paper_map
+        from headway.literature.barhoumi2025.maps import NAMES, paper_map
 
         if name in BUILT_IN and name not in NAMES:
             raise HeadwayError(f"a map of {name} needs an axis, e.g. --x delay=0:1.5; the paper has {', '.join(NAMES)}")
@@ -147,7 +147,7 @@ def _shares(found: StabilityMap) -> str:
 
 def _sentence(car: Vehicle, found: StabilityMap) -> str:
     """What was mapped, and the answer in short."""
-    from headway.analysis.points import is_delay
+    from headway.theory.points import is_delay
 
     where = " and ".join(
         f"{n} {v[0]:g} to {v[-1]:g} {found.dataset[n].attrs['units']}".rstrip() for n, v in found.axes.items()

@@ -74,7 +74,7 @@ def check(
     json: Json = False,
 ) -> int:
     """Check laws of your own against what every law must be, and explain each failure. Exit code 1 if one fails."""
-    from headway.analysis.conformance import Check, check_model
+    from headway.conformance import Check, check_model
     from headway.models.own import laws_and_faults
 
     laws, faults = laws_and_faults(file, allow_wrong_sign=True)

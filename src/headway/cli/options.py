@@ -85,7 +85,7 @@ def vehicle_of(law: Law, assignments: list[str] | None, delay: str, lag: float) 
 
 def read_scenario(name: str, assignments: list[str], references: list[str]) -> Scenario:
     """The scenario of a file or of the library, with overrides and laws of one's own."""
-    from headway.scenario.files import from_table, override, read_table
+    from headway.scenario.document import from_table, override, read_table
 
     laws = laws_of(references)
     if name.partition(":")[0] in ("paper", "example"):

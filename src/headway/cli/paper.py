@@ -36,7 +36,7 @@ def paper(
     json: Annotated[bool, Parameter(help="Print claims, verdicts and measured figures as JSON.")] = False,
 ) -> None:
     """Reproduce the comparative study: its experiments as figures, its claims with verdicts."""
-    from headway.study.paper.reproduction import choose, reproduce, tables
+    from headway.literature.barhoumi2025.reproduction import choose, reproduce, tables
 
     names = [name.strip() for text in only or [] for name in text.split(",") if name.strip()]
     if only and not names:
@@ -48,8 +48,8 @@ def paper(
         findings = reproduce(claims, others, progress)
     page = None
     if folder is not None:
-        from headway.view.paper_report import paper_report
-        from headway.view.report import write
+        from headway.literature.barhoumi2025.report import paper_report
+        from headway.report import write
 
         with show.progress("experiments") as progress:
             report = paper_report(experiments, findings, progress)
@@ -101,7 +101,7 @@ def _others(count: int) -> Iterator[Executor | None]:
 
 
 def _print(findings: dict[str, Any]) -> None:
-    from headway.study.paper.reproduction import asked, count, key_condition, shown
+    from headway.literature.barhoumi2025.reproduction import asked, count, key_condition, shown
 
     if not findings:
         return

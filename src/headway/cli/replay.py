@@ -67,7 +67,7 @@ def replay(
     """Simulate a whole recorded string from its first leader alone, and compare errors and growth."""
     check_target(out, (".nc", ".csv"))
     check_target(figure, FIGURES)
-    from headway.calibration.transfer import growth
+    from headway.calibration.measured_transfer import growth
     from headway.data.compare import compare
     from headway.data.readers import read
     from headway.engine.simulate import simulate
@@ -124,7 +124,7 @@ def _vehicles(
         return [vehicle_of(law, assignments, delay, lag)] * count
     if assignments or delay != "0" or lag:
         raise HeadwayError(f"--set, --delay and --lag belong to --model; {parameters} brings its own values")
-    from headway.calibration.files import load_followers
+    from headway.calibration.document import load_followers
 
     cars = load_followers(parameters, [law] if law is not None and ".py" in str(model) else [])
     for car in cars:

@@ -83,7 +83,7 @@ def run(
 
 def schema() -> None:
     """Print the JSON schema of scenario files, for editors."""
-    from headway.scenario.files import schema as scenario_schema
+    from headway.scenario.document import schema as scenario_schema
 
     show.print_json(scenario_schema())
 

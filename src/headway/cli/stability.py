@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from headway.analysis.words import of_chain, times, verdict
 from headway.cli import parse, show
 from headway.cli.equilibrium import SPEED, check_gap
+from headway.theory.sentences import of_chain, times, verdict
 
 if TYPE_CHECKING:
-    from headway.analysis.linear import Linear
-    from headway.analysis.platoon import Chain
+    from headway.theory.linear import Linear
+    from headway.theory.platoon import Chain
 
 __all__ = ["stability"]
 
@@ -48,10 +48,10 @@ def stability(
     if subject.endswith(".toml") or subject.partition(":")[0] in ("paper", "example"):
         _scenario(subject, set_ or [], model or [], speed, gap, json)
         return
-    from headway.analysis.linear import linearize
-    from headway.analysis.platoon import Chain
     from headway.models.registry import find
     from headway.scenario.vehicle import Vehicle
+    from headway.theory.linear import linearize
+    from headway.theory.platoon import Chain
 
     car = Vehicle(
         find(subject, laws)(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag
@@ -73,8 +73,8 @@ def stability(
 def _scenario(
     name: str, assignments: list[str], references: list[str], speed: float | None, gap: float | None, json: bool
 ) -> None:
-    from headway.analysis.platoon import head_to_tail
     from headway.cli.run import read_scenario
+    from headway.theory.platoon import head_to_tail
 
     scenario = read_scenario(name, assignments, references)
     v = scenario.cruise if speed is None else speed

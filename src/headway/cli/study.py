@@ -65,8 +65,8 @@ def _study(
     from headway.cli.run import check_target
     from headway.metrics.registry import split
     from headway.models.own import load_laws
-    from headway.scenario.files import override, read_table
-    from headway.study.files import study_from_table
+    from headway.scenario.document import override, read_table
+    from headway.study.document import study_from_table
 
     check_target(out, (".nc",))
     check_target(figure, (".png", ".svg", ".pdf"))
@@ -94,7 +94,7 @@ def _study(
         written.append(save(found, out))
     if figure is not None:
         from headway import plot
-        from headway.view.study import picture
+        from headway.plot.study import picture
 
         bounds = None if theory else chosen.stability(executor) if len(chosen.points.dims) > 1 else None
         plot.save(picture(found, stability=bounds), figure)

@@ -15,13 +15,13 @@ from headway.checked import typed
 from headway.data.cycles import cycle_file
 from headway.errors import HeadwayError, unknown_name
 
-__all__ = ["Entry", "catalogue", "fetch"]
+__all__ = ["CatalogueEntry", "catalogue", "fetch"]
 
 TIMEOUT = 30.0  # s without an answer
 
 
 @dataclass(frozen=True)
-class Entry:
+class CatalogueEntry:
     """One file. kind: `download` or `shipped`. file: its name on disk. address: its public address, "" if shipped.
 
     bytes and sha256 are of the file as published. format: for `read`. vehicles, seconds: None where not known.
@@ -61,16 +61,16 @@ _FASTSIM_ATTRIBUTION = "Contains drive-cycle tables from FASTSim, Copyright 2020
 _Rest = tuple[str, int, str, int | None, float | None]  # file, bytes, sha256, vehicles, seconds
 
 
-def _openacc(name: str, title: str, format: str, address: str, rest: _Rest) -> Entry:
+def _openacc(name: str, title: str, format: str, address: str, rest: _Rest) -> CatalogueEntry:
     file, size, sha256, vehicles, seconds = rest
-    return Entry(
+    return CatalogueEntry(
         name, title, "download", file, format, _OPENACC, _OPENACC_LICENCE, _OPENACC_ATTRIBUTION, address, size, sha256,
         vehicles, seconds,
     )  # fmt: skip
 
 
-def _cycle(name: str, title: str, origin: str, size: int, sha256: str, seconds: float) -> Entry:
-    return Entry(
+def _cycle(name: str, title: str, origin: str, size: int, sha256: str, seconds: float) -> CatalogueEntry:
+    return CatalogueEntry(
         name, title, "shipped", f"{name}.csv", "tidy", f"{origin}, from {_FASTSIM}", "Apache-2.0", _FASTSIM_ATTRIBUTION,
         "", size, sha256, 1, seconds,
     )  # fmt: skip
@@ -163,7 +163,7 @@ _ENTRIES = (
 )
 
 
-def catalogue() -> dict[str, Entry]:
+def catalogue() -> dict[str, CatalogueEntry]:
     """All entries by name."""
     return {entry.name: entry for entry in _ENTRIES}
 
@@ -195,7 +195,7 @@ def _cache() -> Path:
     return Path(pooch.os_cache("headway"))
 
 
-def _shipped(entry: Entry, directory: str | Path | None) -> Path:
+def _shipped(entry: CatalogueEntry, directory: str | Path | None) -> Path:
     source = cycle_file(entry.name)
     if directory is None:
         return source
@@ -213,7 +213,7 @@ def _shipped(entry: Entry, directory: str | Path | None) -> Path:
     return target
 
 
-def _download(entry: Entry, address: str, directory: Path) -> Path:
+def _download(entry: CatalogueEntry, address: str, directory: Path) -> Path:
     import pooch
     import requests
 

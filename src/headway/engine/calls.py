@@ -50,7 +50,7 @@ def _reader(tuple_class: type) -> Any:
 
 platoon_at = _reader(layout.Platoon)
 steps_at = _reader(layout.Steps)
-state_at = _reader(layout.State)
+state_at = _reader(layout.RunState)
 alone_at = _reader(layout.Alone)
 
 

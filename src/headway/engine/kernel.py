@@ -17,7 +17,8 @@ from __future__ import annotations
 from numba import njit
 
 from headway.engine.calls import address_of_tuple, call_lanes
-from headway.engine.incident import collide
+from headway.engine.events import collide
+from headway.engine.history import CLOSE
 from headway.engine.layout import (
     EXACT,
     FLAG_INSIDE,
@@ -45,7 +46,6 @@ from headway.engine.loops import (
     stage,
     third,
 )  # fmt: skip
-from headway.engine.past import CLOSE
 from headway.engine.rates import PASSES, accelerate, end_lagged, lagged_or_pure, look_back, place_leader
 
 __all__ = ["advance", "advance_ballistic"]

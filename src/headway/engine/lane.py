@@ -2,7 +2,7 @@
 
 A batch makes its steps together, and in most lanes nothing happens in them. Where a vehicle of a
 lane stops, starts, reaches a limit or hits the one ahead, or where that will be felt late, the lane
-makes this one step again by itself in pieces that end there (`headway.engine.incident` says what
+makes this one step again by itself in pieces that end there (`headway.engine.events` says what
 happens). The states between the pieces are noted, so that whoever sees the lane's past sees its
 kinks where they are; after the step the lane goes on with the others. So the order of the method
 survives standstill and limits, and no stage ever cuts a speed off.
@@ -15,7 +15,7 @@ import functools
 from numba import cfunc
 
 from headway.engine.calls import LANES, alone_at, platoon_at, state_at, steps_at
-from headway.engine.incident import (
+from headway.engine.events import (
     AT_START,
     NOTHING,
     START,
@@ -27,10 +27,10 @@ from headway.engine.incident import (
     next_due,
     remember,
 )
+from headway.engine.history import CLOSE, leader_at, see
 from headway.engine.layout import NO_ROOM, REFINED, REPETITION, STANDING, WORK
 from headway.engine.loops import copy, fast, finish, scale_add, scale_add2, seldom, stage, third
 from headway.engine.mesh import AT
-from headway.engine.past import CLOSE, leader_at, see
 from headway.engine.rates import PASSES, accelerate, end_lagged, lagged_or_pure, place_leader
 
 __all__ = ["lanes_address"]

@@ -77,7 +77,7 @@ class Steps(NamedTuple):
     node: I3  # (S, n, c) 1 where the look-up is a node of the past, 2 where the next one, else 0
 
 
-class State(NamedTuple):
+class RunState(NamedTuple):
     """What a run carries from step to step."""
 
     ring: F3  # (5, R, (N+1) lanes): position, speed, acceleration (right limit, where two), (left), extra point
@@ -116,5 +116,5 @@ class Alone(NamedTuple):
 
     platoon: Platoon
     steps: Steps
-    state: State
+    state: RunState
     reserve: int  # nodes that must be free before a step

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from headway.engine import layout
 from headway.engine.plan import Plan
-from headway.engine.quadrature import trapezoid
 from headway.engine.reduce import AT_ONCE, EXTREMES, QUANTITIES, SQUARE, Kept, finish_kept, reduced, reduced_ballistic
 from headway.engine.run import Prepared, Run
+from headway.sampling import trapezoid
 
 __all__ = ["ABOUT_GAPS", "EXTREMES", "QUANTITIES", "SQUARE", "Measured", "Measurement", "Reduction"]
 

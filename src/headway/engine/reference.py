@@ -6,7 +6,7 @@ wherever something that it feels may have a kink, each piece by SciPy's DOP853 t
 piece of motion is kept as its values at Chebyshev points, which give it back to near rounding too.
 Nothing here knows a mesh, a stage or a Hermite cubic.
 
-Standstill, limits and collisions mean what they mean in `headway.engine.incident`; the scheme is
+Standstill, limits and collisions mean what they mean in `headway.engine.events`; the scheme is
 always that of exact solutions.
 """
 

@@ -200,7 +200,7 @@ class Run:
             node[look.row + node - 1 > np.arange(look.row.shape[1])[None, :, None]] = 0
         return node
 
-    def _begin(self, state: layout.State) -> None:
+    def _begin(self, state: layout.RunState) -> None:
         """Set a state to the start of the plan."""
         p, ring = self.plan, state.ring
         for array in state:
@@ -233,7 +233,7 @@ class Run:
         return int(np.max(ends - behind)) + 8
 
 
-def _free_all(state: layout.State, first: int) -> None:
+def _free_all(state: layout.RunState, first: int) -> None:
     """Put the nodes from number `first` on among those that are free, the lowest on top."""
     more = np.arange(state.node_time.size - 1, first - 1, -1)
     count = state.free[0]
@@ -241,7 +241,7 @@ def _free_all(state: layout.State, first: int) -> None:
     state.free[0] = count + more.size
 
 
-def _with_room(state: layout.State, size: int) -> layout.State:
+def _with_room(state: layout.RunState, size: int) -> layout.RunState:
     """The state with room for `size` nodes inside steps."""
     had = state.node_time.size
     rows = {
@@ -264,13 +264,13 @@ def _reserve(plan: Plan) -> int:
     return _RESERVE_LANE * plan.x.shape[1] + _RESERVE if plan.delays.size and plan.settled else 0
 
 
-def _state(plan: Plan, lanes: int, ring_rows: int) -> layout.State:
+def _state(plan: Plan, lanes: int, ring_rows: int) -> layout.RunState:
     """Room for the state of so many lanes of a plan."""
     rows = plan.x.shape[0]
     elements, followers = rows * lanes, (rows - 1) * lanes
     whole = np.int64
     nodes = 2 * _reserve(plan) if ring_rows > 2 else 0
-    return layout.State(
+    return layout.RunState(
         ring=np.empty((5, ring_rows, elements)),
         two=np.empty(ring_rows, dtype=whole),
         K=np.empty((6, elements)),

@@ -11,9 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from headway.analysis import words
-from headway.analysis.map import label, stability_map, unit
-from headway.analysis.platoon import head_to_tail
 from headway.engine.run import Result
 from headway.engine.trajectories import to_dataset
 from headway.errors import HeadwayWarning
@@ -21,6 +18,9 @@ from headway.explorer.picture import Picture, linear_of
 from headway.explorer.state import State
 from headway.metrics.sizes import UNPHYSICAL
 from headway.models import RADIO
+from headway.theory import sentences
+from headway.theory.map import label, stability_map, unit
+from headway.theory.platoon import head_to_tail
 
 __all__ = ["figures", "map_key", "map_of", "verdicts"]
 
@@ -33,16 +33,16 @@ def verdicts(state: State, stale: Callable[[], bool]) -> list[str]:
         chain = head_to_tail(
             scenario.followers, scenario.cruise, scenario.initial_gaps() if scenario.gaps is not None else None
         )
-    sentences = []
+    lines = []
     for linear in dict.fromkeys(chain.vehicles):
         if stale():
             raise CancelledError
         who = [n for n, other in enumerate(chain.vehicles, start=1) if other == linear]
         name = f"vehicle {who[0]}" + (f" and {len(who) - 1} like it" if len(who) > 1 else "")
-        sentences.append(f"{name}, {linear.vehicle.model.name}: {words.verdict(linear, linear.critical_delays())}")
+        lines.append(f"{name}, {linear.vehicle.model.name}: {sentences.verdict(linear, linear.critical_delays())}")
     if stale():
         raise CancelledError
-    return sentences + words.of_chain(chain)
+    return lines + sentences.of_chain(chain)
 
 
 #: metrics of the table, and what it calls them; the registry says which vehicle speaks for the platoon

@@ -8,8 +8,8 @@ from typing import Any
 
 from headway.models import RADIO, SIGNALS, Law, Parameter
 from headway.models.registry import with_own
-from headway.scenario.disturbance import KINDS
-from headway.scenario.files import schema
+from headway.scenario.document import schema
+from headway.scenario.leaders import KINDS
 
 __all__ = ["controls", "map_axes", "slider"]
 

@@ -16,8 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.analysis.linear import Linear
-from headway.analysis.platoon import head_to_tail
 from headway.engine.plan import Frame, Lanes, Plan, structure
 from headway.engine.run import Prepared, Result, Run
 from headway.engine.simulate import check_sound, solve
@@ -26,6 +24,8 @@ from headway.errors import HeadwayError, HeadwayWarning, LeaderHeardError
 from headway.explorer.state import State
 from headway.scenario.motion import Motion
 from headway.scenario.scenario import Scenario
+from headway.theory.linear import Linear
+from headway.theory.platoon import head_to_tail
 
 __all__ = ["Picture", "Quick", "draw", "linear_of", "marks", "thinned"]
 
@@ -137,7 +137,7 @@ def thinned(scenario: Scenario, result: Result, points: int) -> dict[str, Array]
 
 def _theory(state: State, arrays: dict[str, Array]) -> dict[str, Any]:
     """The verdict in a word, and the curve of |G| among the arrays."""
-    from headway.analysis import sweep
+    from headway.theory import sweep
 
     try:
         linear = linear_of(state)

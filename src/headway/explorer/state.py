@@ -17,8 +17,8 @@ from typing import Any
 
 from headway.errors import HeadwayError, shorten
 from headway.models import Law
-from headway.scenario.disturbance import KINDS, Disturbance
-from headway.scenario.files import from_table, to_table
+from headway.scenario.document import from_table, to_table
+from headway.scenario.leaders import KINDS, Disturbance
 from headway.scenario.scenario import Scenario
 
 __all__ = ["LIMITS", "Limits", "State", "decode", "encode", "parse", "read", "start_state"]

@@ -1,6 +1,6 @@
 """Ready scenarios that come with headway: the paper's experiments and examples of our own.
 
-Each is a plain TOML file beside this module. `paper:idm-2` is `paper/idm-2.toml`. In a
+Each is a plain TOML file: `paper:idm-2` is `idm-2.toml` among the scenarios of that paper. In a
 description, S marks what the paper states and U what it does not and headway chooses.
 """
 
@@ -23,17 +23,18 @@ if TYPE_CHECKING:
 
 __all__ = ["library", "library_scenario", "library_table"]
 
-_GROUPS = ("paper", "example")
+#: where the files of each group lie in the package
+_GROUPS = {"paper": "literature/barhoumi2025/scenarios", "example": "library/example"}
 
 
 @functools.cache
 def _files() -> dict[str, Traversable]:
     """Where each ready scenario lies, by full name: the paper's first, then the examples."""
-    root = resources.files(__name__)
+    root = resources.files("headway")
     return {
         f"{group}:{file.name.removesuffix('.toml')}": file
-        for group in _GROUPS
-        for file in sorted((root / group).iterdir(), key=lambda f: f.name.removesuffix(".toml"))
+        for group, folder in _GROUPS.items()
+        for file in sorted((root / folder).iterdir(), key=lambda f: f.name.removesuffix(".toml"))
         if file.name.endswith(".toml")
     }
 
@@ -61,7 +62,7 @@ def library_scenario(name: str, models: Iterable[Law] = ()) -> Scenario:
 
     Raises `HeadwayError` that names the nearest ready scenario if there is none called `name`.
     """
-    from headway.scenario.files import from_table
+    from headway.scenario.document import from_table
 
     return from_table(library_table(name), models)
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from headway.errors import HeadwayError
-from headway.metrics.dataset import Array, Signals, positive
 from headway.metrics.extremes import peak_of, rms_of
+from headway.metrics.inputs import Array, Signals, positive
 from headway.metrics.reduction import FORMS, SQUARE
 from headway.metrics.registry import Reduced, metric
 

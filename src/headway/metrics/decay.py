@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
-from headway.metrics.dataset import Array, Reference, Signals, checked, positive
 from headway.metrics.extremes import extreme_of, peak_of, refined
+from headway.metrics.inputs import Array, Reference, Signals, checked, positive
 from headway.metrics.registry import metric
+from headway.sampling import trapezoid
 
 if TYPE_CHECKING:
     import xarray as xr

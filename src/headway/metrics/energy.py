@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from headway.errors import HeadwayError, unknown_name
-from headway.metrics.dataset import Array, Signals, checked
+from headway.metrics.inputs import Array, Signals, checked
 from headway.metrics.registry import metric
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.arrays import Array
-from headway.engine.quadrature import trapezoid
+from headway.sampling import trapezoid
 
 __all__ = ["FREE", "FROM_ZERO", "Bounds", "amplitude_of", "extreme_of", "peak_of", "refined", "rms_of"]
 

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
-from headway.metrics.dataset import Array, Reference, Signals, meaning, positive, trajectories, unit_of
+from headway.metrics.inputs import Array, Reference, Signals, meaning, positive, trajectories, unit_of
 from headway.metrics.registry import metric
+from headway.sampling import trapezoid
 
 if TYPE_CHECKING:
     import xarray as xr

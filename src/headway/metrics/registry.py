@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
 from headway.errors import HeadwayError, did_you_mean, shorten, unknown_name
-from headway.metrics.dataset import Array, meaning, trajectories, unit_of
+from headway.metrics.inputs import Array, meaning, trajectories, unit_of
 from headway.schema import VARIABLES
 
 if TYPE_CHECKING:

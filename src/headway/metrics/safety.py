@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
-from headway.metrics.dataset import Array, Signals, positive
 from headway.metrics.extremes import extreme_of
+from headway.metrics.inputs import Array, Signals, positive
 from headway.metrics.reduction import EXTREMES, closest
 from headway.metrics.registry import Reduced, metric
+from headway.sampling import trapezoid
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -14,7 +14,7 @@ import numpy as np
 
 from headway.engine.measured import QUANTITIES
 from headway.errors import HeadwayError, shorten
-from headway.metrics.dataset import Array, bounds, trajectories
+from headway.metrics.inputs import Array, bounds, trajectories
 from headway.metrics.reduction import FORMS, extremes
 from headway.metrics.registry import METRICS, Metric, Reduced, register
 from headway.schema import VARIABLES

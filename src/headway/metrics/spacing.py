@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from headway.engine.quadrature import trapezoid
 from headway.errors import HeadwayError
-from headway.metrics.dataset import Array, Signals, checked
 from headway.metrics.extremes import FROM_ZERO, extreme_of
+from headway.metrics.inputs import Array, Signals, checked
 from headway.metrics.registry import metric
 from headway.models import Model
+from headway.sampling import trapezoid
 from headway.scenario.vehicle import Vehicle
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from headway.arrays import Array
 
-__all__ = ["Motion", "Piece", "at_lanes", "polyline", "smooth_curve"]
+__all__ = ["Motion", "MotionPiece", "at_lanes", "polyline", "smooth_curve"]
 
 Side = Literal["left", "right"]
 
@@ -27,7 +27,7 @@ Side = Literal["left", "right"]
 HIGHEST_ORDER = 4
 
 
-class Piece(NamedTuple):
+class MotionPiece(NamedTuple):
     """One smooth piece of speed: its start [s], polynomial and harmonics (amplitude, ω, φ, β)."""
 
     start: float
@@ -50,7 +50,7 @@ class Motion:
     origin: Array
 
     @classmethod
-    def of(cls, before: float, pieces: Sequence[Piece]) -> Motion:
+    def of(cls, before: float, pieces: Sequence[MotionPiece]) -> Motion:
         """Assemble a motion of pieces, the first of which starts at 0."""
         count = max(len(p.harmonics) for p in pieces)
         poly = np.zeros((4, len(pieces)))

@@ -13,9 +13,9 @@ from pydantic import BeforeValidator
 
 from headway.checked import as_path
 from headway.errors import HeadwayError
-from headway.scenario.disturbance import Disturbance, section
-from headway.scenario.fields import NonNegative, Numbers, Positive, spec, unit
+from headway.scenario.leaders import Disturbance, section
 from headway.scenario.motion import Motion
+from headway.scenario.validation import NonNegative, Numbers, Positive, spec, unit
 
 __all__ = ["Recorded"]
 

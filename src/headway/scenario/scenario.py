@@ -15,9 +15,9 @@ from pydantic import BeforeValidator
 from headway.errors import HeadwayError, shorten
 from headway.html import block, paragraph, table
 from headway.limits import check_size
-from headway.scenario.disturbance import Disturbance
-from headway.scenario.fields import Described, Finite, NonNegative, Positive, described, spec, unit
+from headway.scenario.leaders import Disturbance
 from headway.scenario.motion import Motion
+from headway.scenario.validation import Described, Finite, NonNegative, Positive, described, spec, unit
 from headway.scenario.vehicle import Vehicle
 
 __all__ = ["MOST_SAMPLES", "Scenario"]
@@ -215,7 +215,7 @@ class Scenario(metaclass=Described):
     @property
     def hash(self) -> str:
         """SHA-256 of everything that determines the result: all fields, a recording's samples, a law's own code."""
-        from headway.scenario.files import to_table
+        from headway.scenario.document import to_table
 
         table = to_table(self, complete=True)
         for text in ("name", "description"):
@@ -227,7 +227,7 @@ class Scenario(metaclass=Described):
 
     def to_toml(self) -> str:
         """The scenario as a TOML text from which `headway.load` makes an equal one."""
-        from headway.scenario.files import to_toml
+        from headway.scenario.document import to_toml
 
         return to_toml(self)
 

@@ -10,7 +10,7 @@ from headway.checked import SMALLEST
 from headway.errors import HeadwayError
 from headway.models import Law, Model
 from headway.scenario.channel import Channel, Delay, normalize_delay
-from headway.scenario.fields import Described, Negative, NonNegative, Positive, spec, unit
+from headway.scenario.validation import Described, Negative, NonNegative, Positive, spec, unit
 
 __all__ = ["Vehicle"]
 

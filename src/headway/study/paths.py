@@ -9,10 +9,10 @@ from typing import Any
 from headway.errors import HeadwayError, did_you_mean, unknown_name
 from headway.models import RADIO, SIGNALS, Law
 from headway.models.registry import find
-from headway.scenario.disturbance import KINDS
-from headway.scenario.fields import field_names
-from headway.scenario.files import FOLLOWER_KEYS
+from headway.scenario.document import FOLLOWER_KEYS
+from headway.scenario.leaders import KINDS
 from headway.scenario.scenario import Scenario
+from headway.scenario.validation import field_names
 from headway.scenario.vehicle import Vehicle
 
 __all__ = ["ORDER", "RADIO_DELAY", "SHARE", "Target", "assign", "in_order", "parameter_of", "resolve"]

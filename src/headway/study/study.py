@@ -23,12 +23,12 @@ from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 from headway.study.axes import HUGE, Design, Points, points
 from headway.study.blocks import own_value
-from headway.study.dataset import assembled
 from headway.study.executors import Task, workforce
 from headway.study.paths import Target, resolve
+from headway.study.results import assembled
 from headway.study.store import Store
-from headway.study.templates import Table
-from headway.study.theory import VERDICTS, TheoryJob
+from headway.study.templates import TemplateTable
+from headway.study.verdicts import VERDICTS, TheoryJob
 from headway.study.work import PENDING, Job, Worker, batch_size
 from headway.version import __version__
 
@@ -98,8 +98,8 @@ class Study:
         return points(self.axes, self.design, self.count, self.seed)
 
     @functools.cached_property
-    def _table(self) -> Table:
-        return Table(self.scenario, self.types)
+    def _table(self) -> TemplateTable:
+        return TemplateTable(self.scenario, self.types)
 
     @functools.cached_property
     def _fields(self) -> tuple[tuple[str, tuple[Target, ...]], ...]:

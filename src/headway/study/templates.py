@@ -11,12 +11,12 @@ import numpy as np
 
 from headway.errors import HeadwayError, shorten
 from headway.models import Law
-from headway.scenario.files import assemble, to_table, vehicles
+from headway.scenario.document import assemble, to_table, vehicles
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 from headway.study.paths import ORDER, SHARE, Target, assign, in_order
 
-__all__ = ["Table", "Template", "vehicle_order"]
+__all__ = ["Template", "TemplateTable", "vehicle_order"]
 
 #: where a vehicle's description stands in the table: a group of followers, or a type
 Origin = Target
@@ -30,7 +30,7 @@ class Template:
     origins: tuple[Origin, ...]
 
 
-class Table:
+class TemplateTable:
     """The table of a study: its scenario and its types of vehicle, in which the fields of a point are put."""
 
     def __init__(self, scenario: Scenario, types: Mapping[str, Vehicle]) -> None:

@@ -27,7 +27,7 @@ from headway.scenario.vehicle import Vehicle
 from headway.study.blocks import MOST_SAMPLES, alone, measured, own_value, stacked
 from headway.study.lanes import Fast, Kind, Pool, chosen_lanes, joined, lanes_of, out_of_bounds
 from headway.study.paths import ORDER, SHARE, Target, parameter_of
-from headway.study.templates import Table
+from headway.study.templates import TemplateTable
 
 __all__ = ["COLLIDED", "FAILED", "INVALID", "OK", "STATUS", "Job", "Piece", "Worker", "plain"]
 
@@ -77,7 +77,7 @@ class Worker:
 
     def __post_init__(self) -> None:
         job = self.job
-        self.table = Table(job.scenario, dict(job.types))
+        self.table = TemplateTable(job.scenario, dict(job.types))
         laws: dict[str, Law] = {law.name: law for law in self.table.laws}
         free = any(t[-1] in ("model", "kind") for _, targets in job.fields for t in targets)
         self.fast = {p for p, targets in job.fields if not free and _is_fast(targets, self.table.table, laws)}

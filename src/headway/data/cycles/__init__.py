@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from headway.checked import typed
 from headway.errors import unknown_name
 
-__all__ = ["CYCLES", "Cycle", "cycle_file", "load_cycle"]
+__all__ = ["CYCLES", "DrivingCycle", "cycle_file", "load_cycle"]
 
 _TITLES = {
     "wltc3b": ("WLTC class 3b, worldwide harmonised light vehicles test cycle", "UN GTR 15"),
@@ -34,7 +34,7 @@ _TO_SI = {"speed_kmh": (1.0, 3.6), "speed_mph": (0.44704, 1.0)}  # m/s = value *
 
 
 @dataclass(frozen=True, eq=False)
-class Cycle:
+class DrivingCycle:
     """A speed profile: time (T,) [s] from 0 in steps of 1 s, and speed (T,) [m/s]; both are read-only."""
 
     name: str
@@ -53,7 +53,7 @@ def cycle_file(name: str) -> Path:
 
 @typed
 @cache
-def load_cycle(name: str) -> Cycle:
+def load_cycle(name: str) -> DrivingCycle:
     """The cycle called `name`, one of `CYCLES`; HeadwayError for another name."""
     path = cycle_file(name)
     with path.open(encoding="utf-8") as stream:
@@ -64,4 +64,4 @@ def load_cycle(name: str) -> Cycle:
     for array in (time, speed):
         array.flags.writeable = False
     title, origin = _TITLES[name]
-    return Cycle(name, title, f"{origin}; figures from fastsim 2.1.5 (see NOTICE)", time, speed)
+    return DrivingCycle(name, title, f"{origin}; figures from fastsim 2.1.5 (see NOTICE)", time, speed)

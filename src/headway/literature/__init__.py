@@ -1,0 +1,1 @@
+"""Published studies, run again: one folder each, named after its first author and its year."""
