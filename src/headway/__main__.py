@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import sys
 
-from headway.errors import HeadwayError
-
 __all__ = ["main"]
 
 
 def main() -> None:
-    """Run the command line; an environment in which it cannot even be loaded gets its sentence here."""
+    """Load the command line and run it.
+
+    Loading takes a third of a second: an environment in which that fails, or a hand that ends it, gets its sentence
+    here. Nothing is imported before, so that there is no moment without one.
+    """
     try:
-        from headway.cli import main as run
-    except HeadwayError as error:
-        print(f"headway: {error}", file=sys.stderr)
-        sys.exit(2)
-    run()
+        from headway.errors import HeadwayError
+
+        try:
+            from headway.cli import main as run
+        except HeadwayError as error:
+            _leave(str(error), 2)
+        run()
+    except KeyboardInterrupt:
+        _leave("interrupted", 130)
+
+
+def _leave(sentence: str, code: int) -> None:
+    print(f"headway: {sentence}", file=sys.stderr)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,28 @@
-"""What the environment may say to the compiler, checked before the compiler reads it."""
+"""What the environment may say to the compiler, checked before the compiler reads it, and disks that are full."""
 
 from __future__ import annotations
 
+import functools
+import importlib
 import os
 import sys
+import warnings
+from typing import Any
 
-from headway.errors import HeadwayError
+from headway.errors import HeadwayError, HeadwayWarning
 
-__all__ = ["check_compiler", "check_figures"]
+__all__ = ["check_compiler", "check_figures", "compile_without_disk"]
 
 
 def check_compiler(needed: bool = True) -> None:
-    """Refuse settings under which numba cannot be imported or, if it is `needed`, does not compile."""
+    """Refuse settings under which numba cannot be imported or, if it is `needed`, does not compile.
+
+    Args:
+        needed: Whether whoever asks cannot do without compiled code.
+
+    Raises:
+        HeadwayError: If there are such settings.
+    """
     threads = os.environ.get("NUMBA_NUM_THREADS")
     if threads is not None and not (threads.strip().isdecimal() and 1 <= int(threads) <= 4096):
         raise HeadwayError(f"NUMBA_NUM_THREADS = {threads!r} in the environment is not a number of threads, 1 or more")
@@ -20,7 +31,11 @@ def check_compiler(needed: bool = True) -> None:
 
 
 def check_figures() -> None:
-    """Refuse a backend of matplotlib that it does not know, before it is imported in the middle of a figure."""
+    """Refuse a backend of matplotlib that it does not know, before it is imported in the middle of a figure.
+
+    Raises:
+        HeadwayError: If the environment names one.
+    """
     backend = os.environ.get("MPLBACKEND")
     if backend and "matplotlib" not in sys.modules:
         try:
@@ -29,3 +44,58 @@ def check_figures() -> None:
             raise HeadwayError(
                 f"MPLBACKEND = {backend!r} in the environment is no backend of matplotlib; unset it"
             ) from None
+
+
+class _Nowhere:
+    """numba's last resort where no folder can be written to: a place that keeps nothing."""
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> _Nowhere:
+        return cls()
+
+    def ensure_cache_path(self) -> None:
+        raise OSError("no folder for compiled code can be written to")
+
+    def get_cache_path(self) -> str:
+        return os.path.join(os.devnull, "headway")
+
+    def get_source_stamp(self) -> tuple[()]:
+        return ()
+
+    def get_disambiguator(self) -> str:
+        return ""
+
+
+@functools.cache
+def compile_without_disk() -> None:
+    """Let numba go on where compiled code cannot be read from disk or kept on it, as on one that is full.
+
+    By itself it fails, though the code that it was asked for is there. Compiling anew at the next start is all that
+    is lost, and one warning says so.
+    """
+    caching: Any = importlib.import_module("numba.core.caching")  # its types say less than what is done here
+    load, save = caching.Cache.load_overload, caching.Cache.save_overload
+
+    @functools.wraps(load)
+    def load_if_possible(self: Any, *arguments: Any) -> Any:
+        try:
+            return load(self, *arguments)
+        except OSError:
+            return None  # it is compiled anew
+
+    @functools.wraps(save)
+    def save_if_possible(self: Any, *arguments: Any) -> None:
+        try:
+            save(self, *arguments)
+        except OSError as error:
+            self.disable()
+            _warn_of_disk(f"{error.strerror or error}: {error.filename or self.cache_path}")
+
+    caching.Cache.load_overload, caching.Cache.save_overload = load_if_possible, save_if_possible
+    caching.CacheImpl._locator_classes.append(_Nowhere)
+
+
+@functools.cache
+def _warn_of_disk(reason: str) -> None:
+    sentence = f"compiled code cannot be kept and is compiled anew at the next start ({reason})"
+    warnings.warn(sentence, HeadwayWarning, stacklevel=2)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import json
 import os
 import re
 import resource
+import signal
 import subprocess
 import sys
 import time
@@ -100,6 +102,77 @@ def test_a_full_disk_leaves_nothing(arguments, tmp_path):
     assert done.returncode == 2, (done.stdout, done.stderr)
     assert is_sentence(done.stderr), done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+_OWN_LAW = "import headway as hw\n@hw.model\ndef soft(s, v, dv, *, k=0.2):\n    return k * (s - 2 - v) + 0.51 * dv\n"
+
+
+@pytest.mark.parametrize("place", ["file", "/dev/full", "/proc/nowhere", "full"])
+@pytest.mark.parametrize("name", ["HEADWAY_CACHE_DIR", "NUMBA_CACHE_DIR"])
+def test_no_place_for_compiled_code(place, name, tmp_path):
+    (tmp_path / "soft.py").write_text(_OWN_LAW)
+    (tmp_path / "file").write_text("a file where a folder should be")
+    (tmp_path / "full").mkdir()
+    hw.simulate(SCENARIO)  # so that with a cache that can be read nothing else is compiled
+    command = ("stability", "soft", "--model", "soft.py", "--json") if name[0] == "N" else (
+        "run", "paper:idm-2", "--set", "duration=2", "--set", "followers.0.model=soft", "--set", "followers.0.parameters={}",
+        "--model", "soft.py", "--json",
+    )  # fmt: skip
+    where = place if place.startswith("/") else tmp_path / place
+    done = headway(*command, cwd=tmp_path, env={name: str(where)}, preexec_fn=no_room if place == "full" else None)
+    assert done.returncode == 0, done.stderr
+    notes = done.stderr.decode().splitlines()
+    assert all(note.startswith("headway: note: compiled code cannot be kept") for note in notes), notes
+    assert json.loads(done.stdout)
+
+
+def test_compiled_code_that_fits_nowhere_still_runs(tmp_path):
+    program = """
+import numba.core.caching as caching
+from headway.environment import compile_without_disk
+compile_without_disk()
+caching.CacheImpl._locator_classes[:] = caching.CacheImpl._locator_classes[-1:]
+import numba
+print(numba.njit(cache=True)(__import__("headway.models.maths").models.maths.power_scalar)(2.0, 3))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == b"8.0\n"
+    assert b"compiled code cannot be kept" in done.stderr
+
+
+@pytest.mark.parametrize("after", [0.0, 0.02, 0.08, 0.15, 0.25, 0.4])
+def test_an_interruption_while_the_command_is_loaded(after):
+    program = "import sys; print(1, flush=True); sys.argv[1:] = ['schema']; from headway.__main__ import main; main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", f"try:\n    {program}\nexcept KeyboardInterrupt: sys.exit(3)"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    process.stdout.readline()
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    # 3: before the first line of `main`; 0: it had ended
+    assert (process.returncode, error) in ((130, "headway: interrupted\n"), (3, ""), (0, ""))
+
+
+def test_an_interruption_in_the_middle_of_loading_is_said(monkeypatch, capsys):
+    import builtins
+
+    from headway.__main__ import main
+
+    whole = builtins.__import__
+
+    def interrupted(name, *arguments, **more):
+        if name == "headway.cli":
+            raise KeyboardInterrupt
+        return whole(name, *arguments, **more)
+
+    monkeypatch.setattr(builtins, "__import__", interrupted)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+    assert capsys.readouterr().err == "headway: interrupted\n"
 
 
 @pytest.mark.parametrize(("environment", "words"), [

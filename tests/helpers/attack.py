@@ -75,6 +75,22 @@ def alarm(seconds: float = PATIENCE) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
+def warm() -> None:
+    """Compile what the attacks need, so that no answer waits for the compiler."""
+    from headway.engine.simulate import simulate
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name in library():
+            short = {**library_table(name), "duration": 2.0, "dt": 0.05, "output_step": 0.5}
+            for scheme in ("rk4", "ballistic"):
+                for limits in ([-8.0, 3.0], [-0.1, 0.1]):
+                    followers = [{**follower, "lag": 0.1, "limits": limits} for follower in short["followers"]]
+                    with contextlib.suppress(HeadwayError):
+                        simulate(from_table({**short, "scheme": scheme, "followers": followers}))
+            simulate(from_table(short))
+
+
 # -- the command line ---------------------------------------------------------------------------------------------
 
 _GOOD = """duration = 2.0
@@ -278,6 +294,7 @@ def attack_command(arguments: list[str], report: Report) -> None:
 
 def attack_commands(seed: int, count: int) -> Report:
     """`count` bad values for every option of every command, in a folder of their own."""
+    warm()
     report, here = Report(), os.getcwd()
     patience, own._PATIENCE = own._PATIENCE, 1.0
     with tempfile.TemporaryDirectory() as place:
@@ -374,6 +391,7 @@ def attack_scenario(table: dict[str, Any], name: str, report: Report) -> None:
 
 def attack_scenarios(seed: int, count: int, names: typing.Iterable[str] | None = None) -> Report:
     """`count` mutations of every ready scenario."""
+    warm()
     report = Report()
     os.environ["HEADWAY_LIMIT"] = "0.1"  # what is allowed by default may take a minute
     for name in names if names is not None else library():
@@ -392,11 +410,11 @@ if __name__ == "__main__":
     chosen = parser.parse_args()
     reports = []
     if chosen.only != "scenarios":
-        reports.append(("commands", attack_commands(chosen.seed, max(1, chosen.count // 100))))
+        reports.append(("commands", attack_commands(chosen.seed, max(1, chosen.count // 50))))
     if chosen.only != "commands":
         reports.append(("scenarios", attack_scenarios(chosen.seed, chosen.count)))
     for title, told in reports:
         print(f"{title}: {sum(told.ends.values())} attacks: {told}")
-        for line in told.bad[:20]:
+        for line in told.bad[:40]:
             print("   ", line)
     sys.exit(any(told.bad for _, told in reports))

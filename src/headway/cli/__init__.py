@@ -34,6 +34,7 @@ app = App(
     version=f"headway {__version__}",
     default_parameter=cyclopts.Parameter(negative=()),
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,  # `main` says it
 )
 app.command(run)
 app.command(stability)

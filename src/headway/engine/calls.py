@@ -14,8 +14,11 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from headway.engine import layout
+from headway.environment import compile_without_disk
 
 __all__ = ["LANES", "address_of_tuple", "alone_at", "call_lanes", "platoon_at", "state_at", "steps_at", "type_of"]
+
+compile_without_disk()
 
 
 def type_of(tuple_class: type) -> nt.NamedTuple:

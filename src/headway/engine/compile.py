@@ -8,12 +8,12 @@ fingerprint: whatever the law refers to may change, and the name changes with it
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import importlib.util
 import os
 import sys
-import tempfile
 import types
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,15 @@ from numba import types as nt
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
+from headway.environment import compile_without_disk
 from headway.errors import HeadwayError
 from headway.models import Law, Model, maths
 from headway.models.fingerprint import fingerprint
 from headway.version import __version__
 
 __all__ = ["address", "address_of", "at", "cache_folder", "call_rate", "evaluate", "whole"]
+
+compile_without_disk()
 
 
 @overload(maths.where, inline="never")
@@ -128,19 +131,41 @@ def structural(model: Model) -> tuple[tuple[str, float], ...]:
     return tuple((n, x) for n, x in model.items if model.law.parameters[n].info.structural)
 
 
-def cache_folder() -> Path:
-    """Where compiled loops are kept: `HEADWAY_CACHE_DIR`, else the user's cache folder, else a temporary one."""
+def cache_folder() -> Path | None:
+    """The folder that compiled loops are kept in: `HEADWAY_CACHE_DIR`, else `headway` in the user's cache folder.
+
+    Returns:
+        The folder, or None if it cannot be made or written to.
+    """
     base = os.environ.get("HEADWAY_CACHE_DIR") or os.path.join(
         os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"), "headway"
     )
     folder = Path(base) / f"laws-{sys.implementation.cache_tag}-numba{numba.__version__}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
     except OSError:
-        pass
-    return Path(tempfile.mkdtemp(prefix="headway-"))
+        return None
+    return folder if os.access(folder, os.W_OK) else None
+
+
+def _cache_file(name: str, text: str) -> Path | None:
+    """The file of a loop, which is written if it is not there; None where it cannot be."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    path = folder / f"{name}.py"
+    if path.exists():
+        return path
+    # another process may write the same file at the same time: both write the same content
+    temporary = path.with_suffix(f".{os.getpid()}.tmp")
+    try:
+        temporary.write_text(text)
+        os.replace(temporary, path)
+    except OSError:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        return None
+    return path
 
 
 @functools.cache
@@ -176,24 +201,22 @@ def _compiled(
     # cached code looks its module up by name, so a law that moved to another module is another law
     identity = "\n".join((__version__, law.function.__module__, fingerprint(law.function), text))
     name = f"law_{hashlib.sha256(identity.encode()).hexdigest()[:32]}"
-    path = cache_folder() / f"{name}.py"
-    if not path.exists():
-        # another process may write the same file at the same time: both write the same content
-        temporary = path.with_suffix(f".{os.getpid()}.tmp")
-        temporary.write_text(text)
-        os.replace(temporary, path)
-    module_spec = importlib.util.spec_from_loader(name, loader=None, origin=str(path))
+    path = _cache_file(name, text)
+    place = str(path or f"<{name}>")
+    module_spec = importlib.util.spec_from_loader(name, loader=None, origin=place)
     assert module_spec is not None
     module = importlib.util.module_from_spec(module_spec)
-    module.__file__ = str(path)
+    module.__file__ = place
     sys.modules[name] = module  # numba looks a cached function's module up by name
     module.__dict__["law"] = numba.njit(error_model="numpy", forceinline=True)(_positional(law.function))
-    exec(compile(text, str(path), "exec"), module.__dict__)  # the text is ours; the law is a function already
+    exec(compile(text, place, "exec"), module.__dict__)  # the text is ours; the law is a function already
     signature = nt.void(*[nt.intp] * 7)
-    decorate = numba.cfunc(signature, cache=True, error_model="numpy")
+    decorate = numba.cfunc(signature, cache=path is not None, error_model="numpy")
     try:
         return decorate(module.__dict__["rate"])
     except (ImportError, AttributeError):
+        if path is None:
+            raise
         # it was compiled by a version of this package whose modules had other names: compile it anew
         for stale in path.parent.glob(f"__pycache__/{name}.*.nb?"):
             stale.unlink(missing_ok=True)

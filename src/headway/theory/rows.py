@@ -5,8 +5,7 @@ With S = f_s e^{-pτ_s} the transfer function is G = (S + p q)/(S + p r), so tha
     H = (|D|² - |N|²)/ω² = |r|² - |q|² - 2 f_s Im[e^{iωτ_s}(r - q)]/ω
 
 has all its digits for long waves too. Locally stable or not is counted by the principle of the
-argument: n/2 - Δarg D(σ + iω)/π roots lie to the right of σ. `headway.theory.gain` and
-`roots` find the same by other means and are the referees of this module.
+argument: n/2 - Δarg D(σ + iω)/π roots lie to the right of σ. Referees: `headway.theory.gain`, `roots`.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ import math
 import numpy as np
 from numba import njit
 
+from headway.environment import compile_without_disk
 from headway.theory.critical import LONGEST
 from headway.theory.gain import ABOVE_ONE, BALANCED, NOISE, SAMPLES, TOLERANCE, WINDOW
 from headway.theory.quasipolynomial import HIGHEST
@@ -31,6 +31,7 @@ COLUMNS = (
 #: frequency [rad/s] up to which all rows are sampled alike, and dips looked into of what few laws need beyond
 _COMMON, _REFINED = 200.0, 12
 
+compile_without_disk()
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
 _inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
