@@ -272,7 +272,9 @@ def test_the_verdict_is_what_headway_stability_says(client, state, cli, tmp_path
         sentences = until(link, "verdict", 1)[0]["sentences"]
     assert out.splitlines() == sentences
     lin = hw.linearize(hw.from_toml(BASE).followers[0], 23.0)
-    assert sentences[0].endswith(sentences.verdict(lin, {k: lin.critical_delay(k) for k in ("local", "string")}))
+    assert sentences[0].endswith(
+        sentences.vehicle_verdict(lin, {k: lin.critical_delay(k) for k in ("local", "string")})
+    )
 
 
 # -- that it never ends ------------------------------------------------------------------------------

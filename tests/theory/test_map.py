@@ -64,15 +64,15 @@ vehicles = st.one_of(
 @settings(max_examples=60)
 def test_sweep_is_the_theory_of_one_vehicle(car):
     linear = hw.linearize(car, 15.0, 12.0 if car.model.name == "gmm" else None)
-    margin, growing = swept(sweep.margins, linear, float, int)
+    margin, growing = swept(sweep.fill_margins, linear, float, int)
     if math.isfinite(margin):
         assert margin == pytest.approx(linear.margin, rel=1e-7, abs=1e-8)
     assert (growing == 0) == linear.locally_stable or abs(linear.decay_rate) < 1e-9
-    decay, pair = swept(sweep.decay_rates, linear, float, bool)
+    decay, pair = swept(sweep.fill_decay_rates, linear, float, bool)
     assert decay == pytest.approx(linear.decay_rate, rel=1e-8, abs=1e-8)
     if linear.roots.roots.size < 2 or abs(linear.roots.roots[1].real - linear.roots.roots[0].real) > 1e-6:
         assert pair == (abs(linear.rightmost_root.imag) > 1e-7)
-    gain, frequency = swept(sweep.peaks, linear, float, float)
+    gain, frequency = swept(sweep.fill_peaks, linear, float, float)
     assert gain == pytest.approx(linear.peak_gain, rel=1e-8)
     if gain > 1 + 1e-6 and math.isfinite(frequency):
         assert float(linear.gain(frequency)) == pytest.approx(gain, rel=1e-9)
@@ -82,7 +82,7 @@ def test_sweep_is_the_theory_of_one_vehicle(car):
 @settings(max_examples=6)
 def test_critical_delay_of_the_sweep(a, T, delay):
     linear = hw.linearize(hw.Vehicle(IDM(a=a, T=T), delay=delay), 23.0)
-    (found,) = swept(sweep.critical_delays, linear, float)
+    (found,) = swept(sweep.fill_critical_delays, linear, float)
     assert found == pytest.approx(linear.critical_delay("string"), rel=1e-7, abs=1e-7)
 
 

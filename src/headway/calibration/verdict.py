@@ -13,7 +13,7 @@ from headway.checked import typed
 from headway.errors import HeadwayError, HeadwayWarning
 from headway.scenario.vehicle import Vehicle
 from headway.theory.linear import Linear, linearize
-from headway.theory.sentences import times
+from headway.theory.sentences import gain_text
 
 __all__ = ["StringVerdict", "linear_of", "verdict"]
 
@@ -40,8 +40,8 @@ class StringVerdict(NamedTuple):
         sure = self.unstable if not self.stable else 1.0 - self.unstable
         said = "string stable" if self.stable else "string unstable"
         how = "surely" if sure >= 0.975 else "probably" if sure >= 0.8 else "undecided, by the fit"
-        size = "without bound" if math.isinf(self.peak) else f"{times(self.peak)} at {self.frequency:.2g} rad/s"
-        interval = "[" + ", ".join(times(x) if math.isfinite(x) else f"{x}" for x in (self.low, self.high)) + "]"
+        size = "without bound" if math.isinf(self.peak) else f"{gain_text(self.peak)} at {self.frequency:.2g} rad/s"
+        interval = "[" + ", ".join(gain_text(x) if math.isfinite(x) else f"{x}" for x in (self.low, self.high)) + "]"
         return f"{how} {said}: peak gain {size} {interval}, {100 * self.unstable:.0f} % of refits unstable"
 
 

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from headway.cli import parse, show
 from headway.cli.equilibrium import SPEED, check_gap
-from headway.theory.sentences import of_chain, times, verdict
+from headway.theory.sentences import chain_verdict, gain_text, vehicle_verdict
 
 if TYPE_CHECKING:
     from headway.theory.linear import Linear
@@ -64,8 +64,8 @@ def stability(
     if json:
         show.print_json(report if chain is None else {**report, "head_to_tail": _chain(chain)})
         return
-    show.say(verdict(linear, report["critical_delay"]), good=report.get("string_stable"))
-    for words in of_chain(chain) if chain is not None else ():
+    show.say(vehicle_verdict(linear, report["critical_delay"]), good=report.get("string_stable"))
+    for words in chain_verdict(chain) if chain is not None else ():
         show.say(words)
     _print(report)
 
@@ -91,8 +91,8 @@ def _scenario(
     for n, linear, report in zip(numbers, different, reports, strict=True):
         same = sum(other == linear for other in chain.vehicles)
         who = f"vehicle {n} and {same - 1} like it" if same > 1 else f"vehicle {n}"
-        print(f"{who}, {report['model']}: {verdict(linear, report['critical_delay'])}")
-    for i, words in enumerate(of_chain(chain)):
+        print(f"{who}, {report['model']}: {vehicle_verdict(linear, report['critical_delay'])}")
+    for i, words in enumerate(chain_verdict(chain)):
         print(f"  {words}" if i else words)
 
 
@@ -183,7 +183,7 @@ def _largest_peak(report: dict[str, Any]) -> str:
         return "without bound"
     if report["peak_stable"]:
         return "no peak of speed grows from vehicle to vehicle"
-    return f"a peak of speed can grow {times(norm)} times per vehicle"
+    return f"a peak of speed can grow {gain_text(norm)} times per vehicle"
 
 
 def _along_the_road(wave: dict[str, Any]) -> str:

@@ -19,7 +19,7 @@ from headway.explorer.state import State
 from headway.metrics.sizes import UNPHYSICAL
 from headway.models import RADIO
 from headway.theory import sentences
-from headway.theory.map import label, stability_map, unit
+from headway.theory.map import axis_unit, label, stability_map
 from headway.theory.platoon import head_to_tail
 
 __all__ = ["figures", "map_key", "map_of", "verdicts"]
@@ -39,10 +39,12 @@ def verdicts(state: State, stale: Callable[[], bool]) -> list[str]:
             raise CancelledError
         who = [n for n, other in enumerate(chain.vehicles, start=1) if other == linear]
         name = f"vehicle {who[0]}" + (f" and {len(who) - 1} like it" if len(who) > 1 else "")
-        lines.append(f"{name}, {linear.vehicle.model.name}: {sentences.verdict(linear, linear.critical_delays())}")
+        lines.append(
+            f"{name}, {linear.vehicle.model.name}: {sentences.vehicle_verdict(linear, linear.critical_delays())}"
+        )
     if stale():
         raise CancelledError
-    return lines + sentences.of_chain(chain)
+    return lines + sentences.chain_verdict(chain)
 
 
 #: metrics of the table, and what it calls them; the registry says which vehicle speaks for the platoon
@@ -117,5 +119,5 @@ def map_of(state: State, points: int) -> Picture:
     lines = found.boundary.get("string stable", ())
     joined = [piece for line in lines for piece in (line, np.full((1, 2), math.nan))]
     arrays["boundary"] = np.concatenate(joined).T if joined else np.empty((2, 0))
-    named = [{"name": n, "unit": unit(car, n), "text": label(car, n)} for n in axes]
+    named = [{"name": n, "unit": axis_unit(car, n), "text": label(car, n)} for n in axes]
     return Picture({"axes": named, "classes": list(found.classes)}, arrays)

@@ -15,7 +15,7 @@ from headway.errors import HeadwayError
 from headway.study.paths import Target
 from headway.study.templates import TemplateTable
 from headway.study.work import INVALID, Job, Piece, plain
-from headway.theory.platoon import Chain, head_to_tail, power
+from headway.theory.platoon import Chain, gain_power, head_to_tail
 
 __all__ = ["VERDICTS", "StudyTheory", "TheoryJob"]
 
@@ -92,7 +92,7 @@ def verdicts(chain: Chain) -> dict[str, float]:
     gain = float("inf")
     if local:
         # a string of equal vehicles has a power of their gain
-        gain = power(float(sweep.peaks_of(rows).gain[0]), len(chain.vehicles)) if alone else chain.peak.gain
+        gain = gain_power(float(sweep.peaks_of(rows).gain[0]), len(chain.vehicles)) if alone else chain.peak.gain
     return {
         "locally_stable": local,
         "head_to_tail_stable": strict["string_stable"] if alone else local and gain <= 1.0 + 1e-9,

@@ -1,4 +1,4 @@
-"""What theory and trajectories say."""
+"""Linear theory of platoons with delays: transfer functions, roots, verdicts, critical values, responses, maps."""
 
 from headway.environment import check_compiler
 

@@ -1,4 +1,4 @@
-"""Where a law is not differentiable at an equilibrium: which side linear theory then speaks of."""
+"""Whether a law rests and is differentiable at a steady state; where not, which side linear theory speaks of."""
 
 from __future__ import annotations
 
@@ -7,15 +7,33 @@ import math
 from headway.models import Model
 from headway.models.dual import partials
 
-__all__ = ["corner"]
+__all__ = ["RESTS", "corner", "rests"]
+
+#: what a steady state may accelerate [m/s²] and still count as one
+RESTS = 1e-6
 
 #: distances, relative to a signal (or to 1): what a smooth law changes by shrinks with them, a corner does not
 _NEAR, _NEARER = 1e-7, 1e-9
 _SPEEDS = ("v", "vl", "v0l")
 
 
+def rests(model: Model, speed: float, gap: float) -> bool:
+    """Whether a model keeps a speed [m/s] at a gap [m], to `RESTS`."""
+    return abs(float(model.at_rest(gap, speed))) <= RESTS
+
+
 def corner(model: Model, speed: float, gap: float, used: dict[str, float]) -> str | None:
-    """A sentence if the law has a corner or a jump at the equilibrium, else None. `used`: the partials there."""
+    """Say where a law has a corner or a jump at an equilibrium.
+
+    Args:
+        model: the law with its parameters.
+        speed: of the equilibrium [m/s].
+        gap: of the equilibrium [m].
+        used: the partial derivatives by signal that linear theory uses there.
+
+    Returns:
+        One sentence, or None where the law is differentiable.
+    """
     names = model.law.signals
     at = {n: gap if n == "s" else speed if n in _SPEEDS else 0.0 for n in names}
     # first both sides along one direction that no corner of an ordinary law is parallel to

@@ -21,7 +21,7 @@ from headway.scenario.vehicle import Vehicle
 from headway.theory.gain import TOLERANCE, tail
 from headway.theory.quasipolynomial import QuasiPolynomial
 from headway.theory.roots import chain_abscissa
-from headway.theory.scalar import least, root
+from headway.theory.scalar import minimum, root
 
 if TYPE_CHECKING:
     from headway.theory.linear import Linear
@@ -39,7 +39,12 @@ LONGEST = 200.0
 
 
 def slowed(linear: Linear, factor: float) -> Linear:
-    """The same vehicle with all delays times `factor`; where none is late, all on-board signals by `factor` s."""
+    """Return the vehicle with all its delays scaled.
+
+    Args:
+        linear: the vehicle.
+        factor: what its delays are multiplied by, at least 0; where it has none, the delay [s] of all on-board signals.
+    """
     return dataclasses.replace(linear, vehicle=dataclasses.replace(linear.vehicle, delay=_pattern(linear, factor)))
 
 
@@ -53,12 +58,24 @@ def _pattern(linear: Linear, factor: float) -> Any:
 
 
 def longest_delay(linear: Linear) -> float:
-    """Longest delay [s] of the pattern that `slowed` scales, at the factor 1."""
+    """Return the longest delay [s] of the pattern that `slowed` scales, at the factor 1."""
     return slowed(linear, 1.0).vehicle.channel.longest
 
 
 def critical_delay(linear: Linear, kind: str) -> float:
-    """See `Linear.critical_delay`."""
+    """Return the first delay [s] at which a verdict is lost; see `Linear.critical_delay`.
+
+    Args:
+        linear: the vehicle, whose pattern of delays is scaled.
+        kind: "local" or "string".
+
+    Returns:
+        The longest delay of the pattern, from 0 on; infinite where none up to `LONGEST` loses the verdict.
+
+    Raises:
+        HeadwayError: for another kind.
+        LeaderHeardError: for "string" and a law that hears the platoon leader.
+    """
     if kind not in ("local", "string"):
         raise unknown_name("kind of critical delay", kind, ("local", "string"))
     if kind == "string":
@@ -71,7 +88,15 @@ def critical_delay(linear: Linear, kind: str) -> float:
 
 
 def why_none(linear: Linear, kind: str) -> str:
-    """Why a critical delay is 0 although the vehicle is stable without delay; empty if it is not, or not 0 for that."""
+    """Say in words why a critical delay is 0 although the vehicle is stable without delay.
+
+    Args:
+        linear: the vehicle.
+        kind: "local" or "string".
+
+    Returns:
+        The reason; empty where the vehicle is unstable without delay, or the critical delay is not 0.
+    """
     still, late = slowed(linear, 0.0), slowed(linear, 1.0)
     if not (still.locally_stable if kind == "local" else still.string_stable):
         return ""
@@ -84,7 +109,7 @@ def why_none(linear: Linear, kind: str) -> str:
 
 
 def _critical_factor(linear: Linear, kind: str, unit: float) -> float:
-    """First factor of the delay pattern, whose longest delay is `unit` [s], at which a verdict is lost."""
+    """Return the first factor of the pattern of delays, its longest `unit` [s], at which a verdict is lost."""
     still, late = slowed(linear, 0.0), slowed(linear, 1.0)
     local = _critical_local(linear, still, late, unit)
     if kind == "local":
@@ -100,8 +125,8 @@ def _critical_factor(linear: Linear, kind: str, unit: float) -> float:
 
     end = min(local, LONGEST / unit)
     steps = np.unique(np.concatenate((np.geomspace(1e-3 / unit, end, 60), np.linspace(0.0, end, 61)[1:])))
-    found = _first_sign_change(smallest, steps[steps <= end], TOLERANCE)
-    return found if found is not None else local
+    crossing = _first_sign_change(smallest, steps[steps <= end], TOLERANCE)
+    return crossing if crossing is not None else local
 
 
 def _critical_local(linear: Linear, still: Linear, late: Linear, unit: float) -> float:
@@ -117,14 +142,14 @@ def _critical_local(linear: Linear, still: Linear, late: Linear, unit: float) ->
     def damping(factor: float) -> float:
         return slowed(linear, factor).decay_rate
 
-    found = _first_sign_change(damping, np.geomspace(1e-3, LONGEST / unit, 120), 0.0)
-    return math.inf if found is None else found
+    crossing = _first_sign_change(damping, np.geomspace(1e-3, LONGEST / unit, 120), 0.0)
+    return math.inf if crossing is None else crossing
 
 
 def _first_sign_change(f: Callable[[float], float], at: Array, slack: float) -> float | None:
-    """The first root of `f` between rising places, where it turns below -slack; None if it does not.
+    """Return the first root of `f` between rising places where it falls below -slack, or None.
 
-    Dips between the places are looked into: a verdict may be lost there and be regained.
+    Dips between the places are refined: a verdict may be lost there and regained.
     """
     xs, values = [0.0], [f(0.0)]
     for x in at.tolist():
@@ -142,13 +167,13 @@ def _first_sign_change(f: Callable[[float], float], at: Array, slack: float) -> 
 
 
 def _dip(f: Callable[[float], float], a: float, b: float, below: float) -> float | None:
-    """The place of the least value between `a` and `b` if it is `below`."""
-    value, place = least(f, a, b)
+    """Return the place of the least value between `a` and `b`, or None unless that value is less than `below`."""
+    value, place = minimum(f, a, b)
     return place if value < below else None
 
 
 def _crossing(characteristic: QuasiPolynomial) -> float:
-    """Least delay [s] at which P(iω) + Q(iω) e^{-iωτ} = 0, exactly: |P|² = |Q|² is a polynomial in ω."""
+    """Return the least delay [s] with P(iω) + Q(iω) e^{-iωτ} = 0, exactly: |P|² = |Q|² is a polynomial in ω."""
     (delay,) = characteristic.delays
     now, late = characteristic.polynomial(0.0), characteristic.polynomial(delay)
 
@@ -166,14 +191,27 @@ def _crossing(characteristic: QuasiPolynomial) -> float:
 
 
 def critical_parameter(linear: Linear, parameter: str, linearized: Callable[[Vehicle, float, float], Linear]) -> float:
-    """See `Linear.critical`; `linearized` makes the theory of a vehicle at a speed and a gap."""
+    """Return the value of a parameter, nearest to the present one, at which the string verdict changes.
+
+    Args:
+        linear: the vehicle.
+        parameter: name of a parameter of its law.
+        linearized: the linear theory of a vehicle at a speed [m/s] and a gap [m].
+
+    Returns:
+        The value in the parameter's unit; NaN where no allowed value changes the verdict.
+
+    Raises:
+        HeadwayError: for an unknown parameter.
+        LeaderHeardError: for a law that hears the platoon leader.
+    """
     vehicle, model = linear.vehicle, linear.vehicle.model
     if parameter not in model.law.parameters:
         raise unknown_name(f"parameter of {model.name}", parameter, model.law.parameters)
     linear.refuse_without_leader(f"critical {parameter}")
     fixed_gap = linear.gap if model.rests_everywhere else None
 
-    def least(value: float) -> float:
+    def decision(value: float) -> float:
         try:
             changed = dataclasses.replace(vehicle, model=model.replace(**{parameter: value}))
             gap = fixed_gap if fixed_gap is not None else changed.model.equilibrium_gap(linear.speed)
@@ -191,11 +229,11 @@ def critical_parameter(linear: Linear, parameter: str, linearized: Callable[[Veh
     here = int(np.searchsorted(values, now))
     candidates = []
     for side in (values[here:], values[here::-1]):
-        known = [(float(side[0]), least(float(side[0])))]
+        samples = [(float(side[0]), decision(float(side[0])))]
         for value in side[1:].tolist():
-            known.append((value, least(value)))
-            (a, fa), (b, fb) = known[-2:]
+            samples.append((value, decision(value)))
+            (a, fa), (b, fb) = samples[-2:]
             if math.isfinite(fa) and math.isfinite(fb) and (fa < 0) != (fb < 0):
-                candidates.append(root(least, a, b, 1e-12))
+                candidates.append(root(decision, a, b, 1e-12))
                 break
     return min(candidates, key=lambda v: abs(v - now), default=math.nan)

@@ -16,12 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.theory.quasipolynomial import HIGHEST, QuasiPolynomial
-from headway.theory.scalar import least
+from headway.theory.scalar import minimum
 
 __all__ = [
     "ABOVE_ONE", "BALANCED", "NOISE", "SAMPLES", "TOLERANCE", "VERDICTS", "WINDOW", "Peak", "Spectrum", "Tail",
-    "amplified", "grid",
-    "long_wave", "margin", "peak", "smallest", "spectrum", "tail",
+    "amplified", "grid", "long_wave", "margin", "smallest", "spectrum", "tail",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -38,10 +37,10 @@ BALANCED = 1e-12
 #: |G|² - 1 below this is rounding where frequencies are high
 NOISE = 1e-13
 
-#: the least gain that says of itself that something grows
+#: the least gain above 1: what a growing frequency has at least
 ABOVE_ONE = math.nextafter(1.0, 2.0)
 
-#: samples up to which every oscillation of the longest delay is resolved; beyond, windows of this many samples are
+#: samples up to which every oscillation of the longest delay is resolved, and samples of each window beyond them
 SAMPLES, WINDOW = 40_000, 128
 
 
@@ -50,10 +49,13 @@ _REFINED = 12
 
 
 class Peak(NamedTuple):
-    """sup |G| and the frequency [rad/s] where it is (0: long waves, inf: short ones).
+    """The largest gain over all frequencies, and where it is.
 
-    `certified`: it was proved, by bounds of second derivatives between samples and of the tail, that
-    no frequency exceeds the gain by more than a part in a million.
+    Attributes:
+        gain: sup |G| [1], at least 0.
+        frequency: [rad/s]; 0 where that is the limit of long waves, infinite where that of short ones.
+        certified: whether it was proved, by bounds of second derivatives between samples and of the tail,
+            that no frequency exceeds the gain by more than a part in a million.
     """
 
     gain: float
@@ -62,10 +64,11 @@ class Peak(NamedTuple):
 
 
 class Spectrum(NamedTuple):
-    """What one sweep over all frequencies says, so that verdict and gain cannot differ.
+    """Margin and peak gain from one sweep over all frequencies, so that verdict and gain cannot differ.
 
-    margin: min over ω of (|D|² - |N|²)/ω² [1/s²], -inf where the limit of short waves grows.
-    peak: sup |G|; exactly 1 or less where the margin says stable, above 1 where it does not.
+    Attributes:
+        margin: min over ω of (|D|² - |N|²)/ω² [1/s²], -inf where the limit of short waves grows.
+        peak: sup |G|; exactly 1 or less where the margin says stable, above 1 where it does not.
     """
 
     margin: float
@@ -78,14 +81,19 @@ class Spectrum(NamedTuple):
 
 
 class Tail(NamedTuple):
-    """Limit superior of |G| for ω → ∞, and the frequency [rad/s] from which on |G| stays below 1 if the limit does."""
+    """How a transfer function ends at short waves.
+
+    Attributes:
+        limit: limit superior of |G| for ω → ∞.
+        end: frequency [rad/s] from which on |G| stays below 1 if the limit does.
+    """
 
     limit: float
     end: float
 
 
 def _series(q: QuasiPolynomial, count: int) -> list[float]:
-    """Coefficients of p^0 … p^(count-1)."""
+    """Return the Taylor coefficients of p^0 … p^(count-1)."""
     result = []
     for j in range(count):
         k = j - q.power
@@ -96,13 +104,18 @@ def _series(q: QuasiPolynomial, count: int) -> list[float]:
 
 
 def _even(q: QuasiPolynomial) -> tuple[float, float, float]:
-    """Coefficients of ω^0, ω², ω⁴ of |q(iω)|²."""
+    """Return the coefficients of ω^0, ω² and ω⁴ in |q(iω)|²."""
     c0, c1, c2, c3, c4 = _series(q, 5)
     return c0 * c0, c1 * c1 - 2 * c0 * c2, c2 * c2 - 2 * c1 * c3 + 2 * c0 * c4
 
 
 def long_wave(top: QuasiPolynomial, bottom: QuasiPolynomial) -> float:
-    """Limit of (|D|² - |N|²)/ω² for ω → 0 [1/s²], infinite where G(0) is not 1."""
+    """Return the limit of (|D|² - |N|²)/ω² for ω → 0 [1/s²], infinite where G(0) is not 1.
+
+    Args:
+        top: numerator N.
+        bottom: denominator D.
+    """
     t, b = _even(top), _even(bottom)
     if abs(b[0] - t[0]) > 1e-12 * b[0]:
         return math.copysign(math.inf, b[0] - t[0])
@@ -110,7 +123,7 @@ def long_wave(top: QuasiPolynomial, bottom: QuasiPolynomial) -> float:
 
 
 def _excess(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Callable[[Any], Any]:
-    """H(ω) = (|D|² - |N|²)/ω², with digits for ω → 0 too."""
+    """Return the function H(ω) = (|D|² - |N|²)/ω², which keeps its digits for ω → 0."""
     t, b = _even(top), _even(bottom)
     closes = abs(b[0] - t[0]) <= 1e-12 * b[0]
     small = 1e-2 / (1.0 + max((*bottom.delays, *top.delays), default=0.0)) if closes else 0.0
@@ -127,7 +140,12 @@ def _excess(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Callable[[Any], An
 
 
 def tail(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Tail:
-    """The limit of short waves and the end of the frequencies that have to be looked at."""
+    """Return the limit of short waves and the end of the frequencies that matter.
+
+    Args:
+        top: numerator N.
+        bottom: denominator D.
+    """
     n = bottom.degree
     highest = bottom.power == n
     leading = abs(float(np.sum(bottom.coefficient[highest & (bottom.delay == 0)])))
@@ -145,9 +163,14 @@ def tail(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Tail:
 
 
 def grid(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Array:
-    """Frequencies [rad/s] that resolve every oscillation of the delays: logarithmic, and Δω < π/(8 τ).
+    """Return rising frequencies [rad/s] that resolve every oscillation of the delays.
 
-    Beyond `SAMPLES` of the latter, windows of `WINDOW` samples are resolved, one for each tenth of the frequency.
+    They are spaced logarithmically, and by less than π/(8 τ) of the longest delay τ; beyond `SAMPLES` of the
+    latter, windows of `WINDOW` samples are resolved, one each time the frequency has risen by a tenth.
+
+    Args:
+        top: numerator N.
+        bottom: denominator D.
     """
     end = tail(top, bottom).end
     longest = max((*bottom.delays, *top.delays), default=0.0)
@@ -165,7 +188,12 @@ def grid(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Array:
 
 
 def spectrum(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Spectrum:
-    """Margin and peak of N/D on the imaginary axis."""
+    """Return the margin and the peak of N/D on the imaginary axis.
+
+    Args:
+        top: numerator N.
+        bottom: denominator D.
+    """
     limit, end = tail(top, bottom)
     omega = grid(top, bottom)
     lowest = -math.inf
@@ -194,19 +222,30 @@ def spectrum(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Spectrum:
 
 
 def margin(top: QuasiPolynomial, bottom: QuasiPolynomial) -> float:
-    """Least H over all frequencies, see `Spectrum.margin`; -inf where the limit of short waves grows."""
+    """Return the least H over all frequencies [1/s²]; -inf where the limit of short waves grows.
+
+    Args:
+        top: numerator N.
+        bottom: denominator D.
+    """
     if tail(top, bottom).limit > 1.0:
         return -math.inf
     return smallest(_excess(top, bottom), grid(top, bottom), long_wave(top, bottom))[0]
 
 
-def peak(top: QuasiPolynomial, bottom: QuasiPolynomial) -> Peak:
-    """sup |N/D| on the imaginary axis."""
-    return spectrum(top, bottom).peak
-
-
 def smallest(h: Callable[[Any], Any], omega: Array, at_zero: float) -> tuple[float, float]:
-    """Least value of `h` and where: the local minima of the samples that parabolas make the deepest are refined."""
+    """Return the least value of a function of the frequency and where it is.
+
+    Local minima of the samples are refined: those that parabolas make the deepest, and the lowest.
+
+    Args:
+        h: the function, of arrays of frequencies [rad/s].
+        omega: rising frequencies [rad/s] that resolve it.
+        at_zero: its limit for ω → 0.
+
+    Returns:
+        (value, frequency [rad/s]).
+    """
     values = h(omega)
     inner = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
     best = min((at_zero, 0.0), (float(values[0]), float(omega[0])), (float(values[-1]), float(omega[-1])))
@@ -216,12 +255,19 @@ def smallest(h: Callable[[Any], Any], omega: Array, at_zero: float) -> tuple[flo
     # sharp dips between coarse samples look deeper than they are: the lowest samples count, too
     chosen = np.union1d(inner[np.argsort(depth)][:_REFINED], inner[np.argsort(middle)][:_REFINED])
     for i in chosen:
-        best = min(best, least(h, float(omega[i - 1]), float(omega[i + 1])), (float(values[i]), float(omega[i])))
+        best = min(best, minimum(h, float(omega[i - 1]), float(omega[i + 1])), (float(values[i]), float(omega[i])))
     return best
 
 
 def amplified(top: QuasiPolynomial, bottom: QuasiPolynomial) -> list[float]:
-    """Frequencies [rad/s] of all local maxima of |G| above 1; the end of the sweep if |G| is above 1 there."""
+    """Return the frequencies [rad/s] of up to eight local maxima of |G| above 1, the largest first.
+
+    The end of the sweep is the last of them if |G| is above 1 there.
+
+    Args:
+        top: numerator N.
+        bottom: denominator D.
+    """
 
     def less(w: Any) -> Any:
         return -np.abs(top(1j * np.asarray(w)) / bottom(1j * np.asarray(w)))
@@ -229,13 +275,13 @@ def amplified(top: QuasiPolynomial, bottom: QuasiPolynomial) -> list[float]:
     omega = grid(top, bottom)
     values = less(omega)
     inner = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])) + 1
-    found = [least(less, float(omega[i - 1]), float(omega[i + 1])) for i in inner if values[i] < -1.0 - 1e-10]
-    frequencies = [where for _, where in sorted(found)[:8]]
+    maxima = [minimum(less, float(omega[i - 1]), float(omega[i + 1])) for i in inner if values[i] < -1.0 - 1e-10]
+    frequencies = [where for _, where in sorted(maxima)[:8]]
     return [*frequencies, float(omega[-1])] if values[-1] < -1.0 - 1e-10 else frequencies
 
 
 def _certified(top: QuasiPolynomial, bottom: QuasiPolynomial, gain: float, end: float) -> bool:
-    """Whether gain² |D|² - |N|² is proved positive on [0, end]: samples less a bound of what can happen between."""
+    """Whether gain² |D|² - |N|² is proved positive on [0, end], by samples less a bound of the change between them."""
 
     def value(w: Array) -> Array:
         return gain**2 * np.abs(bottom(1j * w)) ** 2 - np.abs(top(1j * w)) ** 2

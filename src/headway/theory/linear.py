@@ -28,26 +28,30 @@ from headway.models import Law, Model
 from headway.scenario.vehicle import Vehicle
 from headway.theory import critical as critical_values
 from headway.theory import gain as gains
-from headway.theory.corners import corner
+from headway.theory.corners import corner, rests
 from headway.theory.margins import Margins, margins
-from headway.theory.propagation import Propagation, Saddle, Verdict, growth, propagation, saddles
+from headway.theory.propagation import Propagation, Saddle, Verdict, classify, growth_rate, saddles
 from headway.theory.quasipolynomial import QuasiPolynomial
 from headway.theory.response import Response
 from headway.theory.roots import Roots, chain_abscissa, rightmost
 from headway.theory.transfer import Parts, parts
 
-__all__ = ["Linear", "linearize", "rests"]
+__all__ = ["Linear", "linearize"]
 
 Damping = Literal["undamped", "underdamped", "critically damped", "overdamped"]
 
 
 @typed
 def linearize(vehicle: Vehicle | Model | Law, speed: float, gap: float | None = None) -> Linear:
-    """Linear theory of `vehicle` where everybody drives `speed` [m/s].
+    """Linear theory of a vehicle in equilibrium; a `HeadwayWarning` says where its law has a corner or a jump there.
 
-    `gap` [m] is needed where every gap is an equilibrium (GMM). Raises `HeadwayError` if there is
-    no equilibrium, also at a given gap, or if the law has no finite derivative there. Where the law has
-    a corner or a jump there a `HeadwayWarning` says so and which derivative was taken.
+    Args:
+        vehicle: a vehicle, or a law or model without delays.
+        speed: [m/s] at which everybody drives, at least 0.
+        gap: [m] above 0, needed where every gap is an equilibrium (GMM); else it follows from the speed.
+
+    Raises:
+        HeadwayError: without an equilibrium there, or without a finite derivative at it.
     """
     car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
     s = car.model.equilibrium_gap(speed) if gap is None else float(gap)
@@ -58,15 +62,10 @@ def linearize(vehicle: Vehicle | Model | Law, speed: float, gap: float | None = 
             f"{car.model.name} does not rest at {speed:g} m/s and {s:g} m: it accelerates by "
             f"{float(car.model.at_rest(s, float(speed))):.3g} m/s²; leave the gap to it"
         )
-    found = _linear(car, float(speed), s)
-    if sentence := corner(car.model, found.speed, s, found.partials):
+    linear = _linear(car, float(speed), s)
+    if sentence := corner(car.model, linear.speed, s, linear.partials):
         warnings.warn(sentence, HeadwayWarning, stacklevel=2)
-    return found
-
-
-def rests(model: Model, speed: float, gap: float) -> bool:
-    """Whether the model keeps this speed at this gap, to a millionth of a metre per second squared."""
-    return abs(float(model.at_rest(gap, speed))) <= 1e-6
+    return linear
 
 
 def _linear(car: Vehicle, speed: float, s: float) -> Linear:
@@ -87,14 +86,19 @@ def _linear(car: Vehicle, speed: float, s: float) -> Linear:
 
 @dataclass(frozen=True)
 class Linear:
-    """Linear theory at an equilibrium; made by `linearize`. SI units, angular frequencies in rad/s."""
+    """Linear theory at an equilibrium, as `linearize` returns it: SI units, angular frequencies in rad/s.
+
+    Attributes:
+        vehicle: the vehicle with its law, delays and lag.
+        speed: of the equilibrium [m/s].
+        gap: of the equilibrium [m].
+        slopes: (signal, partial derivative) of the law, as `partials` by name.
+    """
 
     vehicle: Vehicle
     speed: float
     gap: float
     slopes: tuple[tuple[str, float], ...]
-
-    # -- the law ---------------------------------------------------------------------------------
 
     @property
     def partials(self) -> dict[str, float]:
@@ -103,7 +107,7 @@ class Linear:
 
     @functools.cached_property
     def _loop(self) -> float:
-        """1 - f_a: what a law that hears its own acceleration is divided by; NaN where that is 0."""
+        """1 - f_a, by which a law that hears its own acceleration is divided; NaN where that is 0."""
         return 1.0 - self.partials.get("a", 0.0) or math.nan
 
     @property
@@ -128,7 +132,7 @@ class Linear:
 
     @property
     def damping_class(self) -> Damping:
-        """Class of the law without delay and lag."""
+        """Class of damping of the law without delay and lag."""
         xi = self.damping_ratio
         if xi <= 0:
             return "undamped"
@@ -150,7 +154,7 @@ class Linear:
 
     @property
     def numerator(self) -> QuasiPolynomial:
-        """N(p), divided alike."""
+        """N(p), without the same factor p."""
         return self.parts.top
 
     @property
@@ -159,15 +163,15 @@ class Linear:
         return self.parts.leader
 
     def transfer(self, p: Any) -> Any:
-        """G(p), own speed over the speed of the vehicle ahead, at complex `p` of any shape."""
+        """Return G(p), own speed over the speed of the vehicle ahead, at complex `p` [1/s] of any shape."""
         return self.numerator(p) / self.characteristic(p)
 
     def gain(self, omega: Any) -> Any:
-        """|G(iω)| at `omega` [rad/s] of any shape."""
+        """Return |G(iω)| [1] at `omega` [rad/s] of any shape."""
         return np.abs(self.transfer(1j * np.asarray(omega, dtype=float)))
 
     def phase_lag(self, omega: Any) -> Any:
-        """Angle [rad] by which own speed lags behind the vehicle ahead, unwrapped from 0 at ω → 0."""
+        """Return the angle [rad] by which own speed lags, unwrapped from 0 at ω → 0; `omega` [rad/s] of any shape."""
         w = np.atleast_1d(np.asarray(omega, dtype=float))
         fine = np.unique(np.concatenate((np.geomspace(1e-4, max(w.max(), 1e-3), 4000), w)))
         angle = -np.unwrap(np.angle(self.transfer(1j * fine)))
@@ -175,37 +179,36 @@ class Linear:
         return np.interp(w, fine, angle).reshape(np.shape(omega))
 
     def group_delay(self, omega: Any) -> Any:
-        """-d arg G / dω [s]: how much later each vehicle repeats what the one ahead does."""
+        """Return -d arg G / dω [s], how much later a vehicle repeats the one ahead, at `omega` [rad/s] of any shape."""
         p = 1j * np.asarray(omega, dtype=float)
         top, bottom = self.numerator, self.characteristic
         return np.real(-(top.derivative(p) / top(p) - bottom.derivative(p) / bottom(p)))
 
     def gap_response(self, omega: Any) -> Any:
-        """Complex gap amplitude per speed amplitude of the vehicle ahead [s], (1 - G)/p."""
+        """Return the complex gap amplitude per speed amplitude ahead, (1 - G)/p [s]; `omega` [rad/s] of any shape."""
         p = 1j * np.asarray(omega, dtype=float)
         return (1.0 - self.transfer(p)) / p
 
     def steady_response(self, amplitude: float, omega: float) -> tuple[float, float]:
-        """(A, B) [m] of the gap y = A cos ωt + B sin ωt behind a leader with speed `amplitude` · cos ωt."""
+        """Return (A, B) [m] of the gap A cos ωt + B sin ωt behind a leader with speed `amplitude` [m/s] · cos ωt."""
         y = complex(self.gap_response(omega)) * amplitude
         return y.real, -y.imag
 
     @functools.cached_property
     def roots(self) -> Roots:
-        """The rightmost characteristic roots, their residual and the number of nodes it took."""
+        """The rightmost characteristic roots [1/s], their residual and the number of collocation nodes."""
         return rightmost(self.characteristic)
 
     @property
     def rightmost_root(self) -> complex:
-        """The rightmost characteristic root [1/s]; -inf where there is none."""
+        """The rightmost characteristic root [1/s]; -inf where there are no roots."""
         return complex(self.roots.roots[0]) if self.roots.roots.size else complex(-math.inf)
 
     @functools.cached_property
     def decay_rate(self) -> float:
         """Rate [1/s] at which a small disturbance of one vehicle dies down; negative if it grows, 0 if it stays.
 
-        It is that of the rightmost root, or of the endless chain of roots of a law that hears its own
-        acceleration late, where that lies farther to the right.
+        It belongs to the rightmost root, or to the chain of roots of a law that hears its own acceleration late.
         """
         return -max(self.rightmost_root.real, chain_abscissa(self.characteristic))
 
@@ -237,7 +240,7 @@ class Linear:
 
     @property
     def peak(self) -> gains.Peak:
-        """Supremum of |G(iω)| over all frequencies and where it is."""
+        """The largest |G(iω)| over all frequencies and where it is."""
         return self.spectrum.peak
 
     @property
@@ -279,18 +282,18 @@ class Linear:
 
     @functools.cached_property
     def response(self) -> Response:
-        """Answer in time to the speed of the vehicle ahead."""
+        """Response in time to the speed of the vehicle ahead."""
         return Response(self.numerator, self.characteristic)
 
     def impulse_response(self, t: Any) -> Any:
-        """g(t) [1/s] at times `t` [s] of any shape: speed after a unit impulse of the speed ahead, 0 for t < 0.
+        """Return g(t) [1/s] at times `t` [s] of any shape: speed after a unit impulse of the speed ahead, 0 for t < 0.
 
-        What G passes on straight at infinite frequency is a Dirac impulse and not in here but in `direct`.
+        Dirac impulses, which G passes on at infinite frequency, are left out; `direct` has them.
         """
         return self.response.impulse(t)
 
     def step_response(self, t: Any) -> Any:
-        """Speed at times `t` [s] of any shape after a unit step of the speed ahead at t = 0."""
+        """Return the speed [1] at times `t` [s] of any shape after a unit step of the speed ahead at t = 0."""
         return self.response.step(t)
 
     @property
@@ -322,23 +325,22 @@ class Linear:
         return saddles(self.numerator, self.characteristic, peaks, self.peak_gain, self.long_wave, omega)
 
     def propagation(self) -> Propagation:
-        """Whether and where a disturbance of a long string of such vehicles grows: convective or absolute."""
+        """Return whether and where a disturbance of a long string of such vehicles grows: convective or absolute."""
         self.refuse_without_leader("the spread of a wave")
         verdict: Verdict = (
             "locally unstable" if not self.locally_stable else "stable" if self.string_stable else "unstable"
         )
         branches = self._saddles if self.locally_stable else ()
-        return propagation(branches, self.speed, self.gap + self.vehicle.length, verdict)
+        return classify(branches, self.speed, self.gap + self.vehicle.length, verdict)
 
     def growth(self, ray: Any) -> Any:
-        """σ [1/s] on rays of `ray` vehicles per second of any shape (`Propagation`).
+        """Return the growth rate σ [1/s] on rays of `ray` vehicles per second of any shape (`Propagation`).
 
-        -inf on rays on which nothing arrives (every signal is late), NaN if locally unstable, for rays
-        that are not positive, and where no saddle can be followed.
+        -inf on rays on which nothing arrives, NaN if locally unstable or where no saddle can be followed.
         """
         if not self.locally_stable:
             return np.full(np.shape(ray), np.nan)[()]
-        return growth(self._saddles, ray)
+        return growth_rate(self._saddles, ray)
 
     @functools.cached_property
     def margins(self) -> Margins:
@@ -359,36 +361,34 @@ class Linear:
 
     @property
     def delay_margin(self) -> float:
-        """Seconds that the actuator may act later (`Margins.delay`)."""
+        """Time [s] by which the actuator may act later (`Margins.delay`)."""
         return self.margins.delay
 
     def slowed(self, factor: float) -> Linear:
-        """The same vehicle with all delays times `factor`; where none is late, all on-board signals by `factor` s."""
+        """Return the vehicle with all delays times `factor`; if it has none, all on-board signals `factor` s late."""
         return critical_values.slowed(self, factor)
 
     def critical_delay(self, kind: str) -> float:
-        """The first delay [s] at which the verdict `kind` ("local" or "string") is lost.
+        """Return the first delay [s] at which the verdict `kind` ("local" or "string") is lost.
 
-        The pattern of late signals is kept and scaled; where none is late, all on-board signals are
-        made late alike. The answer is the longest delay of the pattern, whichever signal has it; 0 if
-        the verdict is "unstable" without any delay or with any, however short; infinite if no delay
-        up to 200 s changes it.
+        The pattern of late signals is scaled; where none is late, all on-board signals become late alike. The
+        value is the longest delay of the pattern: 0 if no delay, however short, is borne; infinite if 200 s are.
         """
         return critical_values.critical_delay(self, kind)
 
     def critical_delays(self) -> dict[str, float]:
-        """Critical delays [s] of both kinds; that of the string NaN for a law that hears the platoon leader."""
+        """Return the critical delays [s] by kind; "string" is NaN for a law that hears the platoon leader."""
         return {
             "local": self.critical_delay("local"),
             "string": math.nan if self.hears_leader else self.critical_delay("string"),
         }
 
     def why_none(self, kind: str) -> str:
-        """Why a critical delay is 0 for a vehicle that is stable without delay, in words; else empty."""
+        """Say why the critical delay `kind` is 0 for a vehicle that is stable without delay; else empty."""
         return critical_values.why_none(self, kind)
 
     def critical(self, parameter: str) -> float:
-        """The value of a parameter, nearest to the present one, at which the string verdict changes; NaN if none does.
+        """Return the value of a parameter, nearest to the present one, at which the string verdict changes; else NaN.
 
         All other parameters, the delays and the speed stay; the equilibrium gap follows.
         """

@@ -52,13 +52,14 @@ _PART = 2048
 class StabilityMap:
     """Verdicts over axes.
 
-    dataset: xarray.Dataset whose dimensions are the axes in the order given. `verdict` holds the codes of
-        `CLASSES`; beside it `margin` [1/s²] ("string": least (|D|² - |N|²)/ω², negative where a frequency
-        grows), `decay_rate` [1/s] ("local"), `gain` [1] ("gain": sup |G|, or |G(iω)| where `omega` is given;
-        infinite if locally unstable) or `critical_delay` [s] ("critical_delay": of the pattern of delays).
-    boundary: polylines (points, axes) by class: around where the verdict is that class or a better one. Every point
-        lies on a line of the grid and there within 1e-6 of the range of its axis. With three axes a polyline lies
-        in a plane of the third. Classes without a boundary on the map are left out.
+    Attributes:
+        dataset: xarray.Dataset whose dimensions are the axes in their order. `verdict` holds the codes of
+            `CLASSES`; beside it `margin` [1/s²] ("string": least (|D|² - |N|²)/ω², negative where a frequency
+            grows), `decay_rate` [1/s] ("local"), `gain` [1] ("gain": sup |G|, or |G(iω)| at `omega`;
+            infinite if locally unstable) or `critical_delay` [s] ("critical_delay": of the pattern of delays).
+        boundary: polylines (points, axes) by class: around where the verdict is that class or a better one. Every point
+            lies on a line of the grid and there within 1e-6 of the range of its axis. With three axes a polyline lies
+            in a plane of the third. Classes without a boundary on the map are left out.
     """
 
     dataset: xr.Dataset
@@ -66,12 +67,12 @@ class StabilityMap:
 
     @property
     def axes(self) -> dict[str, Array]:
-        """Values by name of the axis."""
+        """Values (points,) by name of the axis, in its unit."""
         return {str(n): self.dataset[n].values for n in self.dataset.verdict.dims}
 
     @property
     def what(self) -> str:
-        """Which kind of map it is, one of `WHAT`."""
+        """The kind of map, one of `WHAT`."""
         return str(self.dataset.attrs["what"])
 
     @property
@@ -86,7 +87,14 @@ class StabilityMap:
         return {name: float(np.mean(codes == code)) for code, name in enumerate(self.classes)}
 
     def save(self, path: str | Path) -> None:
-        """Write the dataset as NetCDF; the boundary of a class is a variable of its own, NaN between polylines."""
+        """Write the map as NetCDF; the boundary of a class is a variable of its own, NaN between polylines.
+
+        Args:
+            path: of the file, which appears complete or not at all.
+
+        Raises:
+            HeadwayError: where nothing can be written.
+        """
         from headway.results import save
 
         names = list(self.axes)
@@ -108,27 +116,36 @@ def stability_map(
     omega: float | None = None,
     what: str = "string",
 ) -> StabilityMap:
-    """Verdicts of `vehicle` over one to three axes.
+    """Compute verdicts of a vehicle over one to three axes.
 
-    axes: by name, a range (low, high), a range with a number of points (low, high, count), or an array of
-        rising values. Names: a parameter of the law; `speed` [m/s]; `gap` [m]; `delay` [s], what
-        `Vehicle(delay=x)` says: all on-board signals late by x and the radio current; `radio_delay` [s]: all radio
-        signals late by x and those on board as they are; `delay.s`, `delay.vl` … [s] of one signal; `lag` [s];
-        `omega` [rad/s] (for "gain").
-    speed, gap: of the platoon where they are no axes. Where the gap alone is given, the law's equilibrium
-        speed at it is taken; both are needed where every gap is an equilibrium (GMM).
-    what: "string", "local", "gain" or "critical_delay", see `StabilityMap`.
+    Args:
+        vehicle: a vehicle, or a law without delays.
+        axes: by name, a range (low, high), a range with a number of points (low, high, count), or an array of
+            rising values. Names: a parameter of the law; `speed` [m/s]; `gap` [m]; `delay` [s], what
+            `Vehicle(delay=x)` says: all on-board signals late by x and the radio current; `radio_delay` [s]: all radio
+            signals late by x and those on board as they are; `delay.s`, `delay.vl` … [s] of one signal; `lag` [s];
+            `omega` [rad/s] (for "gain").
+        speed: of the platoon [m/s], at least 0, where it is no axis.
+        gap: of the platoon [m], above 0, where it is no axis. With the gap alone, the speed is the law's equilibrium
+            speed at it; both are needed where every gap is an equilibrium (GMM).
+        omega: frequency [rad/s] of a map of the gain, where it is no axis; None: the peak over all.
+        what: "string", "local", "gain" or "critical_delay", see `StabilityMap`.
 
-    Raises `HeadwayError` for names, ranges or combinations that mean nothing.
+    Returns:
+        The map; boundaries are traced to 1e-6 of the range of each axis.
+
+    Raises:
+        HeadwayError: for names, ranges or combinations that mean nothing.
+        LeaderHeardError: for a law that hears the platoon leader, unless `what` is "local".
     """
     if what not in WHAT:
         raise unknown_name("kind of map", what, WHAT)
     if not 1 <= len(axes) <= 3:
         raise HeadwayError(f"a map has one to three axes, not {len(axes)}")
-    counts = [_count(given, len(axes)) for given in axes.values()]
+    counts = [_count(choice, len(axes)) for choice in axes.values()]
     check_size(f"a map of {' × '.join(f'{count:.4g}' for count in counts)}", math.prod(counts), "points of a map")
     car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
-    values = {name: axis(name, given, len(axes)) for name, given in axes.items()}
+    values = {name: axis(name, choice, len(axes)) for name, choice in axes.items()}
     points = OperatingPoints(car, tuple(values), speed, gap, omega, what)
     lows = {n: float(v[0]) for n, v in values.items()}
     points.check(lows, {n: float(v[-1]) for n, v in values.items()})
@@ -137,38 +154,50 @@ def stability_map(
     rows, equilibrium, frequency = points.rows(mesh)
     if not equilibrium.any():
         points.explain(mesh)
-    found = _evaluate(points, rows.reshape(-1, rows.shape[-1]), None if frequency is None else frequency.ravel())
-    found = {n: x.reshape(shape) for n, x in found.items()}
-    for name, x in found.items():
-        found[name] = np.where(equilibrium, x, 0 if name == "verdict" else np.nan)
+    fields = _evaluate(points, rows.reshape(-1, rows.shape[-1]), None if frequency is None else frequency.ravel())
+    fields = {n: x.reshape(shape) for n, x in fields.items()}
+    for name, x in fields.items():
+        fields[name] = np.where(equilibrium, x, 0 if name == "verdict" else np.nan)
 
     def verdict(at: Array) -> NDArray[np.int8]:
         rows, equilibrium, frequency = points.rows({n: at[:, i] for i, n in enumerate(values)})
         return np.where(equilibrium, _evaluate(points, rows, frequency)["verdict"], 0).astype(np.int8)
 
-    codes = found["verdict"].astype(np.int8)
-    dataset = _dataset(car, values, points, what, {**found, "verdict": codes})
+    codes = fields["verdict"].astype(np.int8)
+    dataset = _dataset(car, values, points, what, {**fields, "verdict": codes})
     return StabilityMap(dataset, trace(codes, list(values.values()), verdict, CLASSES[_kind(points)]))
 
 
-def _count(given: Any, axes: int) -> float:
-    """How many values an axis will have, as far as that can be told; `axis` refuses the rest."""
-    if isinstance(given, tuple) and len(given) == 3 and isinstance(given[2], int | float):
-        return float(given[2]) if given[2] > 0 else 1.0
-    if isinstance(given, tuple) and len(given) in (2, 3):
+def _count(choice: Any, axes: int) -> float:
+    """Return how many values an axis will have; 1 for what `axis` will refuse."""
+    if isinstance(choice, tuple) and len(choice) == 3 and isinstance(choice[2], int | float):
+        return float(choice[2]) if choice[2] > 0 else 1.0
+    if isinstance(choice, tuple) and len(choice) in (2, 3):
         return float(_POINTS[axes])
-    return float(np.size(given)) if isinstance(given, Sequence | np.ndarray) else 1.0
+    return float(np.size(choice)) if isinstance(choice, Sequence | np.ndarray) else 1.0
 
 
-def axis(name: str, given: Any, axes: int = 2) -> Array:
-    """The values of an axis of a map with this number of axes; `HeadwayError` if they do not rise."""
-    if isinstance(given, tuple) and len(given) in (2, 3):
+def axis(name: str, choice: Any, axes: int = 2) -> Array:
+    """Return the values of an axis of a map.
+
+    Args:
+        name: of the axis, for messages.
+        choice: (low, high), (low, high, count), or rising values.
+        axes: number of axes of the map, on which the number of points of a mere range depends.
+
+    Returns:
+        At least two rising values (points,).
+
+    Raises:
+        HeadwayError: for values that are not numbers, not finite or do not rise.
+    """
+    if isinstance(choice, tuple) and len(choice) in (2, 3):
         try:
-            low, high = float(given[0]), float(given[1])
-            count = int(given[2]) if len(given) == 3 else _POINTS[axes]
+            low, high = float(choice[0]), float(choice[1])
+            count = int(choice[2]) if len(choice) == 3 else _POINTS[axes]
         except (TypeError, ValueError, OverflowError):
             raise HeadwayError(
-                f"axis {name}: {shorten(given)} is no range; write (low, high) or (low, high, count) in numbers"
+                f"axis {name}: {shorten(choice)} is no range; write (low, high) or (low, high, count) in numbers"
             ) from None
         if not (math.isfinite(low) and math.isfinite(high)):
             raise HeadwayError(f"axis {name}: {low:g} to {high:g} is not a finite range")
@@ -180,10 +209,10 @@ def axis(name: str, given: Any, axes: int = 2) -> Array:
             raise HeadwayError(f"axis {name}: {count} points make no axis; at least 2 are needed")
         return np.linspace(low, high, count)
     try:
-        values = np.asarray(given, dtype=float)
+        values = np.asarray(choice, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise HeadwayError(
-            f"axis {name}: {shorten(given)} is neither a range (low, high) nor an array of numbers"
+            f"axis {name}: {shorten(choice)} is neither a range (low, high) nor an array of numbers"
         ) from None
     if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)) or not np.all(np.diff(values) > 0):
         raise HeadwayError(f"axis {name}: values must be at least two finite numbers that rise")
@@ -191,7 +220,7 @@ def axis(name: str, given: Any, axes: int = 2) -> Array:
 
 
 def _evaluate(points: OperatingPoints, rows: Array, frequency: Array | None) -> dict[str, Any]:
-    """What a map shows, for rows of `sweep.COLUMNS`; parts are worked off by all cores."""
+    """Return the variables of a map for rows of `sweep.COLUMNS`; all cores share the parts."""
     from headway.theory import sweep
 
     what, count = points.what, rows.shape[0]
@@ -229,11 +258,20 @@ def _evaluate(points: OperatingPoints, rows: Array, frequency: Array | None) -> 
 def trace(
     codes: NDArray[np.int8], axes: list[Array], verdict: Callable[[Array], Any], classes: Sequence[str]
 ) -> dict[str, tuple[Array, ...]]:
-    """Polylines by class where `codes` change, each point bisected with `verdict` of values (points, axes).
+    """Trace the boundaries of classes: polylines where codes change, each point bisected along its line of the grid.
 
     Codes over one axis change at points (1, 1); over three, every plane of the third axis is traced by itself.
+
+    Args:
+        codes: verdicts on the grid, one dimension for each axis.
+        axes: rising values of each axis.
+        verdict: codes of values (points, axes), (points,).
+        classes: name of each code.
+
+    Returns:
+        Polylines (points, axes) by class; a class without a boundary is left out.
     """
-    found: dict[str, list[Array]] = {}
+    polylines: dict[str, list[Array]] = {}
     for code in np.unique(codes)[1:]:
 
         def inside(at: Array, code: int = code) -> NDArray[np.bool_]:
@@ -249,12 +287,12 @@ def trace(
             for k in range(codes.shape[2]):
                 outlines += [np.column_stack((x, np.full(len(x), k))) for x in _outline(codes[:, :, k] >= code)]
         if outlines:
-            found[classes[code]] = _refined(outlines, axes, inside)
-    return {n: tuple(lines) for n, lines in found.items()}
+            polylines[classes[code]] = _refined(outlines, axes, inside)
+    return {n: tuple(lines) for n, lines in polylines.items()}
 
 
 def _outline(inside: NDArray[np.bool_]) -> list[Array]:
-    """Polylines in grid indices around a set of grid points; every vertex halves an edge of the grid."""
+    """Return polylines in grid indices around a set of grid points; every vertex halves an edge of the grid."""
     import contourpy
 
     generator = contourpy.contour_generator(z=inside.astype(float).T, name="serial")
@@ -262,7 +300,7 @@ def _outline(inside: NDArray[np.bool_]) -> list[Array]:
 
 
 def _refined(lines: list[Array], axes: list[Array], inside: Callable[[Array], NDArray[np.bool_]]) -> list[Array]:
-    """The vertices moved along their edges of the grid to where the verdict changes."""
+    """Move vertices along their edges of the grid to where the verdict changes."""
     vertex = np.concatenate(lines)
     low = np.column_stack([a[np.floor(vertex[:, i]).astype(int)] for i, a in enumerate(axes)])
     high = np.column_stack([a[np.ceil(vertex[:, i]).astype(int)] for i, a in enumerate(axes)])
@@ -276,7 +314,7 @@ def _refined(lines: list[Array], axes: list[Array], inside: Callable[[Array], ND
 
 
 def _dataset(
-    car: Vehicle, axes: dict[str, Array], points: OperatingPoints, what: str, found: dict[str, Any]
+    car: Vehicle, axes: dict[str, Array], points: OperatingPoints, what: str, fields: dict[str, Any]
 ) -> xr.Dataset:
     import xarray as xr
 
@@ -294,8 +332,8 @@ def _dataset(
     }  # fmt: skip
     delay = car.delay
     return xr.Dataset(
-        {n: (names, x, attributes[n]) for n, x in found.items()},
-        coords={n: (n, v, {"units": unit(car, n), "long_name": label(car, n)}) for n, v in axes.items()},
+        {n: (names, x, attributes[n]) for n, x in fields.items()},
+        coords={n: (n, v, {"units": axis_unit(car, n), "long_name": label(car, n)}) for n, v in axes.items()},
         attrs={
             "what": what,
             "model": car.model.name,
@@ -309,21 +347,31 @@ def _dataset(
 
 
 def _kind(points: OperatingPoints) -> str:
-    """Which of `CLASSES` the verdicts of a map belong to."""
+    """Return which of `CLASSES` the verdicts of a map belong to."""
     if points.has_frequency:
         return "frequency"
     return "local" if points.what == "local" else "string"
 
 
-def unit(car: Vehicle, name: str) -> str:
-    """Unit of an axis."""
+def axis_unit(car: Vehicle, name: str) -> str:
+    """Return the unit of an axis of a map.
+
+    Args:
+        car: the vehicle of the map.
+        name: of the axis.
+    """
     if name in car.model.law.parameters:
         return car.model.law.parameters[name].info.unit
     return "s" if is_delay(name) else _UNITS[name]
 
 
 def label(car: Vehicle, name: str) -> str:
-    """What an axis is, in words."""
+    """Say in words what an axis of a map is.
+
+    Args:
+        car: the vehicle of the map.
+        name: of the axis.
+    """
     if name in car.model.law.parameters:
         return car.model.law.parameters[name].info.text or name
     words = {

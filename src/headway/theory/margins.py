@@ -21,14 +21,16 @@ __all__ = ["Margins", "margins"]
 class Margins(NamedTuple):
     """What the loop of a locally stable vehicle can bear before the vehicle is locally unstable.
 
-    gain: the factor > 1 by which all its reactions to its own motion may be multiplied, infinite if any
-        may; `gain_frequency` [rad/s] is where it then oscillates (NaN if there is none).
-    phase: the angle [rad] by which the loop may lag more where |L| = 1, infinite if |L| never is 1;
-        `phase_frequency` [rad/s].
-    delay: the seconds that the actuator may act later; infinite if |L| never is 1 or more, 0 if short
-        waves come round the loop undiminished (a law that hears its own acceleration with a gain of 1
-        or more, without lag).
     All are NaN for a vehicle that is locally unstable: there is nothing to lose.
+
+    Attributes:
+        gain: the factor > 1 by which all its reactions to its own motion may be multiplied, infinite if any may.
+        gain_frequency: [rad/s] at which the vehicle then oscillates, NaN if there is none.
+        phase: the angle [rad] by which the loop may lag more where |L| = 1, infinite if |L| never is 1.
+        phase_frequency: [rad/s] at which |L| = 1.
+        delay: the time [s] by which the actuator may act later; infinite if |L| never is 1 or more, 0 if short
+            waves come round the loop undiminished (a law that hears its own acceleration with a gain of 1
+            or more, without lag).
     """
 
     gain: float
@@ -39,7 +41,13 @@ class Margins(NamedTuple):
 
 
 def margins(feedback: QuasiPolynomial, plant: QuasiPolynomial, omega: Any) -> Margins:
-    """Margins of the loop `feedback`/`plant` of a locally stable vehicle, from samples at rising `omega` [rad/s]."""
+    """Return the margins of the loop of a locally stable vehicle.
+
+    Args:
+        feedback: the vehicle's reaction F(p) to its own motion.
+        plant: from speed to command, p² (1 + T_a p).
+        omega: rising frequencies [rad/s] (samples,) that resolve the loop.
+    """
 
     def loop(w: Any) -> Any:
         p = 1j * np.asarray(w, dtype=float)

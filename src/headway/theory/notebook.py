@@ -38,7 +38,7 @@ def linear_html(linear: Linear) -> str:
         ]
     slopes = [(f"∂f/∂{name}", value, _SLOPE[name]) for name, value in linear.partials.items()]
     return block(
-        paragraph(f"{linear.vehicle.model!r}: {sentences.verdict(linear, critical)}"),
+        paragraph(f"{linear.vehicle.model!r}: {sentences.vehicle_verdict(linear, critical)}"),
         table("Linear theory", ("quantity", "value", "unit", "meaning"), rows),
         table("Derivatives of the law", ("derivative", "value", "unit"), slopes),
     )

@@ -22,41 +22,57 @@ import numpy as np
 from headway.checked import typed
 from headway.errors import HeadwayError
 from headway.scenario.vehicle import Vehicle
+from headway.theory.corners import rests
 from headway.theory.gain import Peak, grid, smallest
-from headway.theory.linear import Linear, linearize, rests
+from headway.theory.linear import Linear, linearize
 from headway.theory.quasipolynomial import QuasiPolynomial
 
-__all__ = ["Chain", "head_to_tail", "power"]
+__all__ = ["Chain", "gain_power", "head_to_tail"]
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Linear theory of a string of different vehicles, front to back, behind one leader."""
+    """Linear theory of a string of different vehicles, front to back, behind one leader.
+
+    Attributes:
+        vehicles: linear theory of every vehicle, the one behind the leader first.
+    """
 
     vehicles: tuple[Linear, ...]
 
     def responses(self, omega: Any) -> Any:
-        """Complex speed of every follower per speed of the leader, (vehicles, *omega.shape)."""
+        """Return the complex speed of every follower per speed of the leader.
+
+        Args:
+            omega: frequencies [rad/s] of any shape.
+
+        Returns:
+            An array (vehicles, *shape).
+        """
         p = 1j * np.asarray(omega, dtype=float)
         speed = np.ones_like(p)
-        found = []
+        speeds = []
         for v in self.vehicles:
             speed = (v.numerator(p) * speed + v.leader_numerator(p)) / v.characteristic(p)
-            found.append(speed)
-        return np.array(found)
+            speeds.append(speed)
+        return np.array(speeds)
 
     def gain(self, omega: Any) -> Any:
-        """Head-to-tail gain."""
+        """Return the gain [1] from the leader to the last vehicle at `omega` [rad/s] of any shape."""
         return np.abs(self.responses(omega)[-1])
 
     @property
     def locally_stable(self) -> bool:
-        """Whether every vehicle is."""
+        """Whether every vehicle is locally stable."""
         return all(v.locally_stable for v in self.vehicles)
 
     @property
     def strictly_string_stable(self) -> bool:
-        """|G_n| <= 1 for every vehicle (Ploeg et al. 2014); `LeaderHeardError` where one hears the platoon leader."""
+        """Whether |G_n| <= 1 at every frequency for every vehicle (Ploeg et al. 2014).
+
+        Raises:
+            LeaderHeardError: where one of them hears the platoon leader.
+        """
         for v in self.vehicles:
             v.refuse_without_leader("string stability of every vehicle")
         return all(v.string_stable for v in dict.fromkeys(self.vehicles))
@@ -74,15 +90,15 @@ class Chain:
 
     @functools.cached_property
     def peak(self) -> Peak:
-        """sup of the head-to-tail gain and where."""
+        """The largest gain from the leader to the last vehicle, and where."""
         if self._alike is not None and self.locally_stable:
             gain, frequency, certified = self._alike.peak
-            return Peak(power(gain, len(self.vehicles)), frequency, certified)
+            return Peak(gain_power(gain, len(self.vehicles)), frequency, certified)
         return self._sup(lambda w: self.gain(w))
 
     @functools.cached_property
     def worst(self) -> Peak:
-        """sup over all frequencies and all vehicles of the gain from the leader."""
+        """The largest gain from the leader to any vehicle, and where."""
         if self._alike is not None and self.locally_stable:
             return self.peak if self.peak.gain > 1.0 else self._alike.peak
         return self._sup(lambda w: np.abs(self.responses(w)).max(axis=0))
@@ -112,8 +128,8 @@ def _heard(v: Linear) -> QuasiPolynomial:
                              for n in ("coefficient", "power", "delay")))  # fmt: skip
 
 
-def power(gain: float, count: int) -> float:
-    """gain**count, infinite instead of an error where it is larger than any float."""
+def gain_power(gain: float, count: int) -> float:
+    """Return gain**count, infinite where it is larger than any float."""
     with np.errstate(over="ignore"):
         return float(np.float64(gain) ** count)
 
@@ -136,11 +152,11 @@ def head_to_tail(vehicles: Sequence[Vehicle], speed: float, gap: float | Sequenc
     if gap is not None and not isinstance(gap, int | float) and len(gap) != len(vehicles):
         raise HeadwayError(f"gap: {len(gap)} gaps are given for {len(vehicles)} vehicles; give one, or one for each")
     gaps = [gap] * len(vehicles) if gap is None or isinstance(gap, int | float) else list(gap)
-    known: dict[tuple[Vehicle, float | None], Linear] = {}
+    theories: dict[tuple[Vehicle, float | None], Linear] = {}
     linears = []
     for vehicle, s in zip(vehicles, gaps, strict=True):
-        if (vehicle, s) not in known:
+        if (vehicle, s) not in theories:
             needed = s is not None and s > 0 and rests(vehicle.model, speed, s)
-            known[vehicle, s] = linearize(vehicle, speed, s if needed else None)
-        linears.append(known[vehicle, s])
+            theories[vehicle, s] = linearize(vehicle, speed, s if needed else None)
+        linears.append(theories[vehicle, s])
     return Chain(tuple(linears))

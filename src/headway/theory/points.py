@@ -16,6 +16,7 @@ from headway.models import RADIO, Model, dual
 from headway.models.equilibrium import gaps_at
 from headway.scenario.channel import Channel
 from headway.scenario.vehicle import Vehicle
+from headway.theory.corners import RESTS
 
 __all__ = ["OperatingPoints", "is_delay"]
 
@@ -24,8 +25,6 @@ Array = NDArray[np.float64]
 _PLAIN = ("speed", "gap", "delay", "radio_delay", "lag", "omega")
 #: delays and lags [s] that a map goes up to
 _MOST_SECONDS = 1e6
-#: what a steady state may accelerate [m/s²] and still count as one, where speed and gap are both given
-_RESTS = 1e-6
 
 
 def is_delay(name: str) -> bool:
@@ -35,7 +34,16 @@ def is_delay(name: str) -> bool:
 
 @dataclass(frozen=True)
 class OperatingPoints:
-    """What the axes `names` of a map of `vehicle` mean; `speed`, `gap`, `omega` where they are no axes."""
+    """What the axes of a map mean: the vehicle, its equilibrium and the frequency at every point.
+
+    Attributes:
+        vehicle: the vehicle of the map, where no axis changes it.
+        names: of the axes.
+        speed: [m/s] where it is no axis; None where it follows from the gap, or is one.
+        gap: [m] where it is no axis; None where it follows from the speed, or is one.
+        omega: frequency [rad/s] where it is no axis; None for a map without frequency, or where it is one.
+        what: kind of map, one of `headway.theory.map.WHAT`.
+    """
 
     vehicle: Vehicle
     names: tuple[str, ...]
@@ -54,7 +62,15 @@ class OperatingPoints:
         return self.vehicle.model
 
     def check(self, low: Mapping[str, float], high: Mapping[str, float]) -> None:
-        """Raise `HeadwayError` for axes that mean nothing or leave what is allowed; ends of each axis by name."""
+        """Refuse axes that mean nothing or leave what is allowed.
+
+        Args:
+            low: the lowest value of each axis by name.
+            high: the highest value of each axis by name.
+
+        Raises:
+            HeadwayError: naming the axis and what is allowed.
+        """
         law = self._model.law
         signals = [f"delay.{n}" for n in law.signals]
         if "dv" in law.signals and "vl" not in law.signals:
@@ -77,7 +93,7 @@ class OperatingPoints:
         if self.has_frequency and self.what != "gain":
             raise HeadwayError(f"omega belongs to a map of the gain, not to one of {self.what}")
         self._check_delays()
-        if self._given("speed") is None and self._given("gap") is None:
+        if self._source("speed") is None and self._source("gap") is None:
             raise HeadwayError(f"a map of {law.name} needs the speed of the platoon [m/s], as a number or as an axis")
         Channel.of(law.name, law.signals, tuple((n, 0.0) for n in self._pattern()))
 
@@ -107,9 +123,17 @@ class OperatingPoints:
         return name == "delay.vl" and "vl" not in self._model.law.signals
 
     def rows(self, at: Mapping[str, Any]) -> tuple[Array, NDArray[np.bool_], Array | None]:
-        """Rows of `sweep.COLUMNS` (*shape, columns), where there is an equilibrium, and the frequencies if there are.
+        """Return the rows of compiled theory for values on the axes.
 
-        `at`: values by axis, arrays that broadcast to `shape`.
+        Args:
+            at: values by axis, arrays that broadcast to one shape.
+
+        Returns:
+            (rows, equilibrium, frequency): rows of `sweep.COLUMNS` (*shape, columns), whether there is an
+            equilibrium (*shape,), and frequencies [rad/s] (*shape,) or None for a map without.
+
+        Raises:
+            LeaderHeardError: where growth per vehicle is to be mapped and the law hears the platoon leader.
         """
         from headway.theory.sweep import COLUMNS
 
@@ -128,7 +152,7 @@ class OperatingPoints:
         return rows, whole, None if frequency is None else np.ascontiguousarray(np.broadcast_to(frequency, shape))
 
     def _refuse_leader(self, slopes: Mapping[str, Any], rests: NDArray[np.bool_]) -> None:
-        """Raise `LeaderHeardError` where growth per vehicle is asked of a law that hears the platoon leader."""
+        """Raise `LeaderHeardError` where growth per vehicle is to be mapped and the law hears the platoon leader."""
         if self.what == "local":
             return
         for name in ("v0l", "a0l"):
@@ -138,11 +162,11 @@ class OperatingPoints:
                     "vehicle is defined; map what = 'local', or sweep head_to_tail_gain with Study.stability"
                 )
 
-    def _given(self, name: str) -> Any:
+    def _source(self, name: str) -> Any:
         return name if name in self.names else getattr(self, name)
 
     def _linear(self, at: Mapping[str, Array]) -> tuple[dict[str, Array], NDArray[np.bool_]]:
-        """Partial derivatives by signal and where there is an equilibrium, on as few points as the axes allow."""
+        """Return partial derivatives by signal and where there is an equilibrium, on as few points as axes allow."""
         law = self._model.law
         parameters: dict[str, Any] = {n: at.get(n, x) for n, x in self._model.items}
         v, s = at.get("speed", self.speed), at.get("gap", self.gap)
@@ -169,49 +193,49 @@ class OperatingPoints:
                     slopes[n][i] = x
                 rest[i] = model(*(float(x[i]) for x in signals.values()))
         if chosen:
-            rests &= np.abs(rest) <= _RESTS
+            rests &= np.abs(rest) <= RESTS
         for x in slopes.values():
             rests &= np.isfinite(x)
         return slopes, rests
 
     def _speeds(self, parameters: Mapping[str, Any], s: Any) -> Array:
-        """Equilibrium speeds [m/s] at gaps, NaN where there is none."""
+        """Return equilibrium speeds [m/s] at gaps, NaN where there is none."""
         law = self._model.law
         names, arrays = tuple(parameters), np.broadcast_arrays(s, *parameters.values())
-        found = np.full(arrays[0].shape, np.nan)
+        speeds = np.full(arrays[0].shape, np.nan)
         form = law.forms.get("equilibrium_speed")
         with suppress(TypeError, ValueError):
             if form is not None:
                 with np.errstate(all="ignore"):
-                    found[...] = form(s, **parameters)
-                return np.where(found >= 0, found, np.nan)
-        for i in np.ndindex(found.shape):
+                    speeds[...] = form(s, **parameters)
+                return np.where(speeds >= 0, speeds, np.nan)
+        for i in np.ndindex(speeds.shape):
             model = law(**{n: float(x[i]) for n, x in zip(names, arrays[1:], strict=True)})
             with suppress(HeadwayError):
-                found[i] = model.equilibrium_speed(float(arrays[0][i]))
-        return found
+                speeds[i] = model.equilibrium_speed(float(arrays[0][i]))
+        return speeds
 
     def _pattern(self) -> dict[str, float]:
-        """Delays [s] by signal: the vehicle's own, and those that axes change or a critical delay scales.
+        """Return delays [s] by signal: the vehicle's own, and those that axes change or a critical delay scales.
 
         `delay` is what `Vehicle(delay=x)` says: all on-board signals late by x, and the radio current.
         """
         signals = self._model.law.signals
         on_board = [n for n in signals if n not in RADIO]
         delay = self.vehicle.delay
-        given = dict.fromkeys(on_board if delay else (), delay) if isinstance(delay, float) else dict(delay)
-        if "delay" in self.names or (self.what == "critical_delay" and not any(given.values())):
-            given = dict.fromkeys(on_board, 1.0)
+        delays = dict.fromkeys(on_board if delay else (), delay) if isinstance(delay, float) else dict(delay)
+        if "delay" in self.names or (self.what == "critical_delay" and not any(delays.values())):
+            delays = dict.fromkeys(on_board, 1.0)
         if "radio_delay" in self.names:
-            given |= {n: 1.0 for n in signals if n in RADIO}
-        return {**given, **{n.partition(".")[2]: 0.0 for n in self.names if n.startswith("delay.")}}
+            delays |= {n: 1.0 for n in signals if n in RADIO}
+        return {**delays, **{n.partition(".")[2]: 0.0 for n in self.names if n.startswith("delay.")}}
 
     def _delays(self, at: Mapping[str, Array]) -> dict[str, Any]:
-        """The delays of a row, by column."""
+        """Return the delays of a row, by column."""
         law, pattern = self._model.law, self._pattern()
         total: dict[str, Any] = {}
         for name, seconds in pattern.items():
-            # a channel is linear in the delays that were given
+            # a channel is linear in its delays
             alone = Channel.of(law.name, law.signals, tuple((n, float(n == name)) for n in pattern))
             together = "radio_delay" if name in RADIO and name in law.signals else "delay"
             amount = at.get(f"delay.{name}", at.get(together, seconds))
@@ -227,12 +251,19 @@ class OperatingPoints:
         return not (delay if isinstance(delay, float) else any(t for _, t in delay))
 
     def explain(self, at: Mapping[str, Array]) -> None:
-        """Say why no point of a map has an equilibrium, with the words of the model in its middle."""
-        if self._given("speed") is not None and self._given("gap") is not None:
+        """Say why no point of a map has an equilibrium, in the words of the model in the middle of the map.
+
+        Args:
+            at: values by axis.
+
+        Raises:
+            HeadwayError: always.
+        """
+        if self._source("speed") is not None and self._source("gap") is not None:
             raise HeadwayError(f"{self._model.name} rests at no speed and gap of the map; leave the gap to it")
         middle = {n: float(x.ravel()[x.size // 2]) for n, x in at.items()}
         model = self._model.replace(**{n: x for n, x in middle.items() if n in self._model.law.parameters})
-        if self._given("speed") is not None:
+        if self._source("speed") is not None:
             model.equilibrium_gap(middle.get("speed", self.speed or 0.0))
         else:
             model.equilibrium_speed(middle.get("gap", self.gap or 0.0))

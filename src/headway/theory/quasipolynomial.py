@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 __all__ = ["HIGHEST", "QuasiPolynomial"]
 
-#: frequency [rad/s] beyond which nothing is told from the limit of short waves
+#: frequency [rad/s] beyond which the limit of short waves is not looked for
 HIGHEST = 1e7
 
 
@@ -26,27 +26,31 @@ class QuasiPolynomial:
 
     @classmethod
     def of(cls, *terms: tuple[float, int, float]) -> QuasiPolynomial:
-        """From terms (coefficient, power, delay); those that vanish are left out, equal ones are added."""
+        """Build a quasi-polynomial from terms; terms that vanish are left out, equal ones are added.
+
+        Args:
+            terms: (coefficient, power of p, delay [s]) of each.
+        """
         summed: dict[tuple[int, float], float] = {}
         for c, n, tau in terms:
             summed[n, tau] = summed.get((n, tau), 0.0) + c
-        kept = [(c, n, tau) for (n, tau), c in sorted(summed.items()) if c != 0.0]
-        columns = list(zip(*kept, strict=True)) if kept else [(), (), ()]
+        nonzero = [(c, n, tau) for (n, tau), c in sorted(summed.items()) if c != 0.0]
+        columns = list(zip(*nonzero, strict=True)) if nonzero else [(), (), ()]
         return cls(np.array(columns[0], float), np.array(columns[1], np.int64), np.array(columns[2], float))
 
     def __call__(self, p: Any) -> Any:
-        """Value at complex `p` of any shape."""
+        """Return the values at complex `p` of any shape."""
         z = np.asarray(p, dtype=complex)[..., None]
         return np.sum(self.coefficient * z**self.power * np.exp(-z * self.delay), axis=-1)
 
     def derivative(self, p: Any) -> Any:
-        """Derivative with respect to p."""
+        """Return the derivative with respect to p, at complex `p` of any shape."""
         z = np.asarray(p, dtype=complex)[..., None]
         slope = self.power * z ** np.maximum(self.power - 1, 0) - self.delay * z**self.power
         return np.sum(self.coefficient * slope * np.exp(-z * self.delay), axis=-1)
 
     def jet(self, p: complex) -> tuple[complex, complex, complex]:
-        """Value, first and second derivative at one complex `p`."""
+        """Return the value, the first and the second derivative at one complex `p`."""
         value = first = second = 0j
         for c, n, tau in self.terms:
             term = c * cmath.exp(-p * tau)
@@ -58,12 +62,12 @@ class QuasiPolynomial:
         return value, first, second
 
     def magnitude(self, omega: Any) -> Any:
-        """Bound Σ |c_k| ω^n_k of the magnitude on the imaginary axis."""
+        """Return the bound Σ |c_k| ω^n_k of the magnitude at iω, `omega` [rad/s] >= 0 of any shape."""
         w = np.asarray(omega, dtype=float)[..., None]
         return np.sum(np.abs(self.coefficient) * w**self.power, axis=-1)
 
     def curvature(self, omega: Any) -> Any:
-        """Bound of the magnitude of the second derivative by ω on the imaginary axis, growing with ω."""
+        """Return a bound of |d²/dω²| at iω that grows with ω, `omega` [rad/s] >= 0 of any shape."""
         w, n, tau = np.asarray(omega, dtype=float)[..., None], self.power, self.delay
         terms = n * (n - 1) * w ** np.maximum(n - 2, 0) + 2 * n * tau * w ** np.maximum(n - 1, 0) + tau**2 * w**n
         return np.sum(np.abs(self.coefficient) * terms, axis=-1)
@@ -113,11 +117,11 @@ class QuasiPolynomial:
         return int(self.power.max()) if self.power.size else 0
 
     def over(self, power: int) -> QuasiPolynomial:
-        """The quotient by p**power (no term may have a lower power)."""
+        """Return the quotient by p**power; no term may have a lower power."""
         return QuasiPolynomial(self.coefficient, self.power - power, self.delay)
 
     def polynomial(self, delay: float) -> NDArray[np.float64]:
-        """Coefficients, highest power first, of the terms with this delay."""
+        """Return the coefficients, highest power first, of the terms with this delay [s]."""
         result = np.zeros(self.degree + 1)
         for c, n, tau in self.terms:
             if tau == delay:

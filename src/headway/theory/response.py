@@ -1,4 +1,4 @@
-"""Time response of a transfer function with delays: the speed answer to an impulse and to a step.
+"""Response in time of a transfer function with delays: the speed after an impulse and after a step.
 
 G = N/D is written as a chain of integrators with the late signals as inputs,
 
@@ -65,7 +65,7 @@ _END = 0.5 * np.polynomial.chebyshev.chebint(np.eye(_NODES), lbnd=-1.0).sum(axis
 
 
 class _Late(NamedTuple):
-    """A late term: its power of p in the integrator form (row; -1: direct), delay and coefficient."""
+    """A late term: its row in the integrator form (-1: direct), its delay [s] and its coefficient."""
 
     row: int
     delay: float
@@ -80,16 +80,25 @@ def _rows(q: QuasiPolynomial, degree: int, leading: float) -> list[_Late]:
 
 
 class Response:
-    """Answer of N/D to a unit impulse and a unit step at t = 0; times in seconds, arrays of any shape."""
+    """Response of N/D to a unit impulse and a unit step at t = 0.
+
+    Attributes:
+        direct: (delay [s], weight) of the impulses that pass straight through; of echoes the first 200.
+    """
 
     def __init__(self, top: QuasiPolynomial, bottom: QuasiPolynomial) -> None:
+        """Solve the first pieces, up to where the sum over the rightmost roots takes over.
+
+        Args:
+            top: numerator N.
+            bottom: denominator D.
+        """
         self._top, self._bottom = top, bottom
         n = bottom.degree
         leading = float(bottom.polynomial(0.0)[0])
         terms = _rows(bottom, n, leading)
         self._inputs = _rows(top, n, leading)
         self._late = [t for t in terms if t.delay > 0.0]
-        #: impulses that go straight through, (delay [s], weight)
         self.direct = _echoes([i for i in self._inputs if i.row < 0], [t for t in self._late if t.row < 0])
         self._now = np.zeros(n)  # what the present y contributes to each integrator
         for t in terms:
@@ -112,14 +121,14 @@ class Response:
             span *= 2.0
             self._extend(span)
 
-    # -- what is asked ----------------------------------------------------------------------------
+    # -- values -----------------------------------------------------------------------------------
 
     def impulse(self, t: Any) -> Any:
-        """Answer [1/s] to a unit impulse without its `direct` impulses; 0 for t < 0."""
+        """Return the response [1/s] to a unit impulse, without `direct`, at times `t` [s] of any shape; 0 for t < 0."""
         return self._evaluate(t, impulse=True)
 
     def step(self, t: Any) -> Any:
-        """Answer [1] to a unit step; 0 for t < 0, the later value where it jumps."""
+        """Return the response [1] to a unit step at times `t` [s] of any shape; at a jump the later value."""
         return self._evaluate(t, impulse=False)
 
     def _evaluate(self, t: Any, impulse: bool) -> Any:
@@ -137,18 +146,18 @@ class Response:
     # -- method of steps --------------------------------------------------------------------------
 
     def _extend(self, until: float) -> None:
-        """Pieces up to `until` [s] at least."""
+        """Solve pieces up to `until` [s] at least."""
         first = self._knots.size - 1
         grown = self._mesh(until)
         self._knots = np.concatenate((self._knots, grown))
         room = np.empty((grown.size, _NODES))
         self._steps, self._impulses = np.concatenate((self._steps, room)), np.concatenate((self._impulses, room))
-        known: dict[float, Array] = {}
+        inverses: dict[float, Array] = {}
         for k in range(first, self._knots.size - 1):
-            self._advance(k, known)
+            self._advance(k, inverses)
 
     def _mesh(self, until: float) -> Array:
-        """Ends of pieces after the present end: where delays carry a kink, and in between what accuracy takes."""
+        """Return ends of pieces after the present end: where delays carry a kink, and between as accuracy needs."""
         present = self._knots[-1]
         places = {0.0, *(i.delay for i in self._inputs)}
         latest = places
@@ -167,39 +176,39 @@ class Response:
         ]
         return np.concatenate(pieces) if pieces else np.empty(0)
 
-    def _advance(self, k: int, solved: dict[float, Array]) -> None:
-        """Solve piece `k`; all that is late lies in pieces that are known."""
+    def _advance(self, k: int, inverses: dict[float, Array]) -> None:
+        """Solve piece `k`; all late inputs lie in earlier pieces."""
         a, length = self._knots[k], self._knots[k + 1] - self._knots[k]
         n = self._state.size
         t = a + 0.5 * length * (_GAUSS.points + 1.0)
-        given = np.zeros((_NODES, n))
+        drive = np.zeros((_NODES, n))
         through, through_slope = np.zeros(_NODES), np.zeros(_NODES)
         for i in self._inputs:
             if i.row >= 0:
-                given[:, i.row] += i.weight * (t > i.delay)
+                drive[:, i.row] += i.weight * (t > i.delay)
             else:
                 through += i.weight * (t > i.delay)
         for late in self._late:
             back = self._read(self._steps, t - late.delay)
             if late.row >= 0:
-                given[:, late.row] -= late.weight * back
+                drive[:, late.row] -= late.weight * back
             else:
                 through -= late.weight * back
                 through_slope -= late.weight * self._read(self._impulses, t - late.delay)
-        given += through[:, None] * self._now
+        drive += through[:, None] * self._now
         key = round(length, 14)
-        if key not in solved:
-            # X = 1 x_a + length A (X Mᵀ + given), inverted once for each length
-            solved[key] = np.linalg.inv(np.eye(_NODES * n) - length * np.kron(_GAUSS.integral, self._matrix))
-        right = self._state + length * _GAUSS.integral @ given
-        x = (solved[key] @ right.ravel()).reshape(_NODES, n)
-        slope = x @ self._matrix.T + given
+        if key not in inverses:
+            # X = 1 x_a + length A (X Mᵀ + drive), inverted once for each length
+            inverses[key] = np.linalg.inv(np.eye(_NODES * n) - length * np.kron(_GAUSS.integral, self._matrix))
+        right = self._state + length * _GAUSS.integral @ drive
+        x = (inverses[key] @ right.ravel()).reshape(_NODES, n)
+        slope = x @ self._matrix.T + drive
         self._steps[k] = _GAUSS.coefficients @ (x[:, 0] + through)
         self._impulses[k] = _GAUSS.coefficients @ (slope[:, 0] + through_slope)
         self._state = self._state + length * _END @ slope
 
     def _read(self, coefficients: Array, t: Array) -> Array:
-        """Values of the pieces at times before the end."""
+        """Return values of the pieces at times before the end."""
         k = np.clip(np.searchsorted(self._knots, t, side="right") - 1, 0, self._knots.size - 2)
         z = 2.0 * (t - self._knots[k]) / (self._knots[k + 1] - self._knots[k]) - 1.0
         return np.where(t >= 0.0, np.einsum("ij,ij->i", _powers(z), coefficients[k]), 0.0)
@@ -207,14 +216,14 @@ class Response:
     # -- modes ------------------------------------------------------------------------------------
 
     def _adopt_modes(self) -> bool:
-        """Let the sum over the rightmost roots go on from here, if it agrees over the last memory."""
-        found = rightmost(self._bottom, _MODES).roots
+        """Continue with the sum over the rightmost roots if it agrees with the pieces over the last memory."""
+        modes = rightmost(self._bottom, _MODES).roots
         end = self._knots[-1]
         first = int(np.searchsorted(self._knots, end - self._memory * (1.0 + 1e-9)))
-        if end - self._memory < self._start or not found.size or np.min(np.abs(found)) < 1e-9:
+        if end - self._memory < self._start or not modes.size or np.min(np.abs(modes)) < 1e-9:
             return False
         with np.errstate(all="ignore"):
-            self._modes = found, self._top(found) / self._bottom.derivative(found)
+            self._modes = modes, self._top(modes) / self._bottom.derivative(modes)
             t = np.concatenate([np.linspace(a, b, 9)[1:-1] for a, b in pairwise(self._knots[first:])])
             for pieces, impulse in ((self._steps, False), (self._impulses, True)):
                 error = np.max(np.abs(self._read(pieces, t) - self._sum_of_modes(t, impulse)))
@@ -233,7 +242,7 @@ class Response:
     # -- total variation --------------------------------------------------------------------------
 
     def variation(self) -> float:
-        """Total variation of a step answer that decays: ‖g‖₁, the weights of the direct impulses included."""
+        """Return ‖g‖₁ [1], the total variation of a step response that settles, with the weights of `direct`."""
         if self._modes is None:
             slowest = float(-rightmost(self._bottom).roots[0].real)
             self._extend(float(self._knots[-1]) + 30.0 / slowest)
@@ -247,7 +256,7 @@ class Response:
         return total + (self._modal_variation() if self._modes is not None else 0.0)
 
     def _modal_variation(self) -> float:
-        """Variation after the pieces: sampled until one mode is left, in closed form from there."""
+        """Return the variation after the pieces: sampled until one mode is left, in closed form from there."""
         assert self._modes is not None
         roots, residues = self._modes
         size = np.abs(residues / roots)
@@ -280,15 +289,21 @@ class Response:
 
 
 def _powers(z: Array) -> Array:
-    """Chebyshev polynomials at z, (*z.shape, _NODES)."""
+    """Return the Chebyshev polynomials at z, (*z.shape, _NODES)."""
     return np.cos(np.arccos(np.clip(z, -1.0, 1.0))[..., None] * np.arange(_NODES))
 
 
 def _variation(h: Array, g: Array, length: Array, value: Callable[[Any, Array], Array]) -> float:
-    """Total variation of functions with values `h` and slopes `g` (pieces, samples) on pieces of some `length`.
+    """Return the total variation of functions on pieces, from values and slopes at equal distances.
 
-    Where the slope changes its sign between two samples, the cubic that has both values and slopes
-    tells the place of the extreme; `value` (of pieces, and of fractions of them) its height there.
+    Where the slope changes its sign between two samples, the extreme lies where that of the cubic through both
+    values and slopes does.
+
+    Args:
+        h: values (pieces, samples).
+        g: slopes [1/s] (pieces, samples).
+        length: of each piece [s].
+        value: the function of numbers of pieces and fractions of them.
     """
     parts = h.shape[1] - 1
     d = length[:, None] / parts
@@ -308,7 +323,7 @@ def _variation(h: Array, g: Array, length: Array, value: Callable[[Any, Array], 
 
 
 def _echoes(through: list[_Late], late: list[_Late]) -> tuple[tuple[float, float], ...]:
-    """(delay, weight) of every impulse that goes straight through, echoes of a neutral equation included."""
+    """Return (delay [s], weight) of every impulse that passes straight through, echoes of a neutral equation too."""
     total: dict[float, float] = {}
     wave = [(i.delay, i.weight) for i in through]
     while wave and len(total) < _ECHOES:

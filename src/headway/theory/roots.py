@@ -5,7 +5,7 @@ delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 482, 2005); its rightmo
 starts for Newton's method on the exact characteristic function. So are the places of the imaginary
 axis where that function is small, because few nodes do not see fast oscillations. The number of
 nodes is doubled until the rightmost root stands and no unstable root is missing, which the turns of
-the function along the imaginary axis tell. Without delays the roots are those of a polynomial.
+the function along the imaginary axis count. Without delays the roots are those of a polynomial.
 """
 
 from __future__ import annotations
@@ -28,7 +28,13 @@ _STARTS = 24
 
 
 class Roots(NamedTuple):
-    """Roots, rightmost first; the largest |characteristic function| there, relative to its terms; collocation nodes."""
+    """The rightmost characteristic roots, and how exact they are.
+
+    Attributes:
+        roots: [1/s] (roots,), the rightmost first; of a conjugate pair the one with the positive imaginary part first.
+        residual: the largest |characteristic function| at them, relative to its terms.
+        nodes: number of collocation nodes; 0 where a polynomial was solved.
+    """
 
     roots: NDArray[np.complex128]
     residual: float
@@ -36,35 +42,46 @@ class Roots(NamedTuple):
 
 
 def rightmost(characteristic: QuasiPolynomial, count: int = 6) -> Roots:
-    """The rightmost roots of a characteristic function (highest power undelayed, or delayed and smaller).
+    """Return the rightmost roots of a characteristic function.
 
-    A function without roots, a constant, has none in its answer.
+    Args:
+        characteristic: the function; its highest power is undelayed, or delayed and smaller.
+        count: number of roots, at least 1.
+
+    Returns:
+        Up to `count` roots; none for a constant.
     """
     if not characteristic.delays:
         roots = np.asarray(np.roots(characteristic.polynomial(0.0)), dtype=np.complex128)
         return Roots(_sorted(roots)[:count], _residual(characteristic, roots), 0)
     previous = np.nan
-    found = np.empty(0, complex)
+    roots = np.empty(0, complex)
     nodes = 0
     near = _near_axis(characteristic)
     growing = growing_roots(characteristic) if chain_abscissa(characteristic) < 0.0 else 0
     for nodes in _NODES:
         starts = _collocated(characteristic, nodes)
         starts = starts[np.argsort(-starts.real)][: 4 * count]
-        found = _newton(characteristic, np.concatenate((starts, near)), count)
-        complete = np.count_nonzero(found.real > 0.0) >= min(growing, count)
-        if complete and found.size and abs(found[0] - previous) < _SETTLED * (1.0 + abs(found[0])):
+        roots = _newton(characteristic, np.concatenate((starts, near)), count)
+        complete = np.count_nonzero(roots.real > 0.0) >= min(growing, count)
+        if complete and roots.size and abs(roots[0] - previous) < _SETTLED * (1.0 + abs(roots[0])):
             break
-        previous = found[0] if found.size else np.nan
-    return Roots(found, _residual(characteristic, found), nodes)
+        previous = roots[0] if roots.size else np.nan
+    return Roots(roots, _residual(characteristic, roots), nodes)
 
 
 def chain_abscissa(f: QuasiPolynomial) -> float:
-    """Real part [1/s] that the endless chain of roots of a neutral equation tends to; -inf for a retarded one.
+    """Return the real part [1/s] that the endless chain of roots of a neutral equation tends to.
 
     It solves Σ |c_k| e^{-σ τ_k} = |c_0| over the terms of the highest power, exact for one late term and for delays
     without a common measure. From 0 on no delay, however short, leaves the equation stable (Hale and Verduyn Lunel,
     Introduction to Functional Differential Equations, 9.6).
+
+    Args:
+        f: the characteristic function.
+
+    Returns:
+        The real part; -inf for a retarded equation, inf for one without an undelayed highest power.
     """
     top = f.power == f.degree
     now = abs(float(np.sum(f.coefficient[top & (f.delay == 0.0)])))
@@ -81,9 +98,13 @@ def chain_abscissa(f: QuasiPolynomial) -> float:
 
 
 def growing_roots(f: QuasiPolynomial) -> int:
-    """Number of roots with a positive real part, by the principle of the argument: n/2 - Δarg f(iω)/π.
+    """Count the roots with a positive real part by the principle of the argument: n/2 - Δarg f(iω)/π.
 
-    For functions whose chain of roots, if they have one, lies to the left (`chain_abscissa`).
+    Args:
+        f: the characteristic function, whose chain of roots, if it has one, lies to the left (`chain_abscissa`).
+
+    Returns:
+        The number; 999 and more for an endless chain.
     """
     end = f.leads_from()
     if not math.isfinite(end):
@@ -105,14 +126,14 @@ def growing_roots(f: QuasiPolynomial) -> int:
 
 
 def _spaced(f: QuasiPolynomial, end: float) -> NDArray[np.float64]:
-    """Frequencies from 0 to `end` [rad/s] between which the longest delay turns by at most π/8, at most two million."""
+    """Return frequencies from 0 to `end` [rad/s] that resolve the longest delay by π/8, at most two million."""
     longest = max(f.delays, default=0.0)
     count = min(int(end * 8.0 * longest / np.pi) + 400, 2_000_000)
     return np.union1d(np.linspace(0.0, end, count), np.geomspace(1e-3, end, 400))
 
 
 def _near_axis(f: QuasiPolynomial) -> NDArray[np.complex128]:
-    """Places iω with ω > 0 where |f| is small, the smallest first."""
+    """Return places iω with ω > 0 where |f| is small, the smallest first."""
     end = min(f.leads_from(), 1e4)
     omega = _spaced(f, end)[:200_000]
     size = np.abs(f(1j * omega)) / f.magnitude(omega)
@@ -122,7 +143,7 @@ def _near_axis(f: QuasiPolynomial) -> NDArray[np.complex128]:
 
 
 def _collocated(characteristic: QuasiPolynomial, nodes: int) -> NDArray[np.complex128]:
-    """Eigenvalues of the collocated generator for y(θ), …, y^(n-1)(θ), θ in [-τ_max, 0]."""
+    """Return eigenvalues of the collocated generator for y(θ), …, y^(n-1)(θ), θ in [-τ_max, 0]."""
     n, longest = characteristic.degree, max(characteristic.delays)
     theta = 0.5 * longest * (np.cos(np.pi * np.arange(nodes + 1) / nodes) - 1.0)
     difference = _differentiation(theta)
@@ -150,7 +171,7 @@ def _collocated(characteristic: QuasiPolynomial, nodes: int) -> NDArray[np.compl
 
 
 def _differentiation(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Differentiation matrix on Chebyshev points `x` (Trefethen, Spectral Methods in MATLAB, ch. 6)."""
+    """Return the differentiation matrix on Chebyshev points `x` (Trefethen, Spectral Methods in MATLAB, ch. 6)."""
     n = x.size - 1
     c = np.ones(n + 1)
     c[0] = c[-1] = 2.0
@@ -161,7 +182,7 @@ def _differentiation(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _interpolation(x: NDArray[np.float64], at: float) -> NDArray[np.float64]:
-    """Barycentric weights that read the interpolant on Chebyshev points `x` at one place."""
+    """Return barycentric weights that read the interpolant on Chebyshev points `x` at one place."""
     exact = np.flatnonzero(np.abs(x - at) < 1e-14 * max(1.0, abs(at)))
     row = np.zeros(x.size)
     if exact.size:
@@ -196,7 +217,7 @@ def _newton(f: QuasiPolynomial, starts: NDArray[np.complex128], count: int) -> N
 
 
 def _relative(f: QuasiPolynomial, z: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """|f| relative to the magnitudes of its terms."""
+    """Return |f| relative to the magnitudes of its terms."""
     terms = np.abs(f.coefficient * z[..., None] ** f.power * np.exp(-z[..., None] * f.delay))
     return np.abs(f(z)) / np.maximum(terms.sum(axis=-1), 1e-300)
 
@@ -206,6 +227,6 @@ def _residual(f: QuasiPolynomial, roots: NDArray[np.complex128]) -> float:
 
 
 def _sorted(roots: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Rightmost first; of a conjugate pair the one with the positive imaginary part first."""
+    """Sort roots, the rightmost first; of a conjugate pair the one with the positive imaginary part first."""
     roots = np.asarray(roots, dtype=complex)
     return roots[np.lexsort((-roots.imag, -np.round(roots.real, 12)))]

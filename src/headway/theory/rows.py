@@ -20,7 +20,9 @@ from headway.theory.critical import LONGEST
 from headway.theory.gain import ABOVE_ONE, BALANCED, NOISE, SAMPLES, TOLERANCE, WINDOW
 from headway.theory.quasipolynomial import HIGHEST
 
-__all__ = ["COLUMNS", "critical_delays", "decay_rates", "gains", "margins", "peaks", "roots_right_of"]
+__all__ = [
+    "COLUMNS", "fill_critical_delays", "fill_decay_rates", "fill_gains", "fill_margins", "fill_peaks", "roots_right_of",
+]  # fmt: skip
 
 #: what a row holds: partial derivatives by signal, delays [s] (of dv: its leader's and its own half), lag [s]
 COLUMNS = (
@@ -51,7 +53,7 @@ def _late(p, tau):
 
 @_inlined
 def _parts(row, p):
-    """S, r and q at complex p; most patterns delay several signals alike, and sines are what this costs."""
+    """Return S, r and q at complex p; most patterns delay several signals alike, and sines are what this costs."""
     at_s = _late(p, row[6])
     at_v = at_s if row[7] == row[6] else _late(p, row[7])
     at_leader = at_s if row[8] == row[6] else _late(p, row[8])
@@ -69,14 +71,14 @@ def _parts(row, p):
 
 @_inlined
 def _bottom(row, p):
-    """D(p), without the factor p of a law that rests at every gap."""
+    """Return D(p), without the factor p of a law that rests at every gap."""
     s, r, _ = _parts(row, p)
     return s + p * r if row[0] != 0.0 else r
 
 
 @_inlined
 def _value(row, w, gain):
-    """H(ω), or minus |G(iω)|² if `gain`: what is to be least over all frequencies."""
+    """Return H(ω), or minus |G(iω)|² if `gain`: what is to be minimized over all frequencies."""
     s, r, q = _parts(row, complex(0.0, w))
     if gain:
         if row[0] != 0.0:
@@ -98,7 +100,7 @@ def _longest(row):
 
 @_inlined
 def _leading(row, sigma):
-    """Coefficients by which |D| >= now ω² - late ω² - … for short waves, lag apart."""
+    """Return the coefficients by which |D| >= now ω² - late ω² - … for short waves, lag apart."""
     if row[10] > 0.0:
         return 1.0, abs(row[3]) * math.exp(-sigma * row[10])
     return 1.0 - row[3], 0.0
@@ -106,7 +108,7 @@ def _leading(row, sigma):
 
 @_compiled
 def _end(row, sigma, top):
-    """Frequency beyond which D is its leading term, by more than the rest and `top` numerators; inf if never."""
+    """Return the frequency beyond which D's leading term exceeds the rest and `top` numerators; inf if never."""
     now, late = _leading(row, sigma)
     stretch = math.exp(-min(sigma, 0.0) * _longest(row))
     slope = stretch * (abs(row[2]) + abs(row[1]) + top * (abs(row[2]) + abs(row[4])))
@@ -123,7 +125,7 @@ def _end(row, sigma, top):
 
 @_compiled
 def _turned(row, sigma, w, following, before, after):
-    """Argument by which D turns between two frequencies; halved until it turns by less than `_WIDE`."""
+    """Return the argument by which D turns between two frequencies; halved until it turns by less than `_WIDE`."""
     turned = 0.0
     ends = np.empty(60)
     values = np.empty(60, dtype=np.complex128)
@@ -144,7 +146,7 @@ def _turned(row, sigma, w, following, before, after):
 
 @_compiled
 def roots_right_of(row, sigma):
-    """Number of characteristic roots with a real part above sigma, by the principle of the argument."""
+    """Count the roots of a row with a real part above `sigma` [1/s], by the principle of the argument; 999: a chain."""
     now, late = _leading(row, sigma)
     end = _end(row, sigma, 0.0)
     if end == math.inf or (row[13] == 0.0 and late >= abs(now)):
@@ -169,7 +171,7 @@ def roots_right_of(row, sigma):
 
 @_compiled
 def _decay(row):
-    """Minus the real part of the rightmost root, and whether that root is a pair."""
+    """Return minus the real part of the rightmost root, and whether that root is a pair."""
     low, high = 0.0, 0.0
     step = 1e-3
     if roots_right_of(row, 0.0) > 0:
@@ -193,7 +195,7 @@ def _decay(row):
 
 @_compiled
 def _least(row, end, gain):
-    """Least `_value` over (0, end] and where (0: long waves), local minima of the samples refined by golden section."""
+    """Return the least `_value` over (0, end] and where (0: long waves); golden section refines local minima."""
     step = math.pi / (8.0 * _longest(row)) if _longest(row) > 0.0 else math.inf
     older = 0.0
     # the first sample stands for the limit of long waves; without f_s, digits are lost below 1e-4
@@ -234,7 +236,7 @@ def _golden(row, a, b, gain):
 
 @_compiled
 def _tail(row):
-    """Limit superior of |G| for short waves, and the frequency beyond which no wave grows or the limit tells."""
+    """Return the limit superior of |G| for short waves, and the frequency beyond which no wave needs a look."""
     now, late = _leading(row, 0.0)
     limit = abs(row[5]) / (abs(now) - late) if abs(now) > late else math.inf
     if row[13] > 0.0 or row[5] == 0.0:
@@ -249,7 +251,7 @@ def _tail(row):
 
 @_compiled
 def _beyond(row, end, gain):
-    """Least `_value` from about `_COMMON` to `end` and where; windows of samples where all are too many."""
+    """Return the least `_value` from about `_COMMON` to `end` and where; windows of samples where all are too many."""
     step = math.pi / (16.0 * _longest(row)) if _longest(row) > 0.0 else math.inf
     resolved = SAMPLES * step
     w = older = 0.8 * _COMMON  # a dip at the seam lies in one of the two parts
@@ -268,7 +270,7 @@ def _beyond(row, end, gain):
         if h < best:
             best, where = h, w
         if h_old <= h and h_old < h_older and before > older:
-            # what a parabola makes of the dip tells which dips are looked into; resonances are parabolas of 1/|G|²
+            # the dips that parabolas make the deepest are refined; resonances are parabolas of 1/|G|²
             x, y, z = (-1.0 / h_older, -1.0 / h_old, -1.0 / h) if gain else (h_older, h_old, h)
             low = y - (x - z) * (x - z) / (8.0 * (x - 2.0 * y + z)) if x - 2.0 * y + z > 0.0 else y
             worst = np.argmax(depth)
@@ -286,7 +288,7 @@ def _beyond(row, end, gain):
 
 @_inlined
 def _short_value(row, w, gain):
-    """`_value` where waves are short: differences that are rounding count as 0."""
+    """Return `_value` where waves are short: differences that are rounding count as 0."""
     value = _value(row, w, gain)
     if gain:
         return value
@@ -296,7 +298,7 @@ def _short_value(row, w, gain):
 
 @_inlined
 def _lowest(row, end, gain):
-    """Least `_value` over all frequencies and where."""
+    """Return the least `_value` over all frequencies and where."""
     least, where = _least(row, min(end, _COMMON), gain)
     if end > _COMMON:
         other, at = _beyond(row, end, gain)
@@ -307,7 +309,7 @@ def _lowest(row, end, gain):
 
 @_compiled
 def _margin(row):
-    """Least H; minus infinity where short waves grow."""
+    """Return the least H; minus infinity where short waves grow."""
     limit, end = _tail(row)
     return -math.inf if limit > 1.0 else _lowest(row, end, False)[0]
 
@@ -318,23 +320,23 @@ def _stable(row):
 
 
 @_compiled
-def margins(rows, margin, unstable):
-    """Fill `margin` (see `Linear.margin`) and `unstable` (number of roots that grow), both (points,)."""
+def fill_margins(rows, margin, unstable):
+    """Fill `margin` [1/s²] (see `Linear.margin`) and `unstable`, the number of growing roots, both (points,)."""
     for i in range(rows.shape[0]):
         margin[i] = _margin(rows[i])
         unstable[i] = roots_right_of(rows[i], 0.0)
 
 
 @_compiled
-def decay_rates(rows, decay, pair):
-    """Fill `decay` [1/s] and `pair` (the slowest motion oscillates), both (points,)."""
+def fill_decay_rates(rows, decay, pair):
+    """Fill `decay` [1/s] and `pair`, whether the slowest motion oscillates, both (points,)."""
     for i in range(rows.shape[0]):
         decay[i], pair[i] = _decay(rows[i])
 
 
 @_compiled
-def peaks(rows, gain, frequency):
-    """Fill sup|G| (infinite if locally unstable) and its frequency [rad/s], both (points,).
+def fill_peaks(rows, gain, frequency):
+    """Fill `gain`, sup|G| (infinite if locally unstable), and its `frequency` [rad/s], both (points,).
 
     The gain is above 1 exactly where the margin says that a frequency grows.
     """
@@ -358,18 +360,17 @@ def peaks(rows, gain, frequency):
 
 
 @_compiled
-def gains(rows, omega, gain):
-    """Fill |G(iω)| at one frequency [rad/s] for each row; infinite if locally unstable."""
+def fill_gains(rows, omega, gain):
+    """Fill `gain` with |G(iω)| at one frequency `omega` [rad/s] for each row; infinite if locally unstable."""
     for i in range(rows.shape[0]):
         gain[i] = math.sqrt(-_value(rows[i], omega[i], True)) if roots_right_of(rows[i], 0.0) == 0 else math.inf
 
 
 @_compiled
-def critical_delays(rows, delay):
-    """Fill the first delay [s] at which the string verdict is lost, the pattern of delays in each row scaled.
+def fill_critical_delays(rows, delay):
+    """Fill `delay` with the first one [s] at which the string verdict is lost, the pattern in each row scaled.
 
-    The answer is the longest delay of the pattern: 0 if the verdict is "unstable" without delay,
-    or with any, infinite if it holds up to `LONGEST`. Rows must have a delay.
+    It is the longest of the pattern: 0 if no delay is borne, infinite if `LONGEST` is. Rows must have a delay.
     """
     row = np.empty(rows.shape[1])
     for i in range(rows.shape[0]):

@@ -1,6 +1,6 @@
 """Verdicts of linear theory as sentences: what `headway stability` prints and the explorer shows.
 
-It is loaded with the command line and therefore loads theory itself only when it is asked.
+The command line loads this file at its start, so theory itself is imported for type checkers only.
 """
 
 from __future__ import annotations
@@ -13,15 +13,18 @@ if TYPE_CHECKING:
     from headway.theory.linear import Linear
     from headway.theory.platoon import Chain
 
-__all__ = ["of_chain", "times", "verdict"]
+__all__ = ["chain_verdict", "gain_text", "vehicle_verdict"]
 
 
-def verdict(linear: Linear, critical: Mapping[str, float]) -> str:
-    """The answer for one vehicle.
+def vehicle_verdict(linear: Linear, critical: Mapping[str, float]) -> str:
+    """Say in one sentence whether a vehicle is stable, how much it amplifies, and up to which delay that holds.
 
     Args:
         linear: the vehicle.
         critical: its critical delays [s] by kind, see `Linear.critical_delays`.
+
+    Returns:
+        The sentence. For a law that hears the platoon leader it says why there is no verdict on one vehicle.
     """
     if not linear.locally_stable:
         rate = -linear.decay_rate
@@ -42,7 +45,7 @@ def verdict(linear: Linear, critical: Mapping[str, float]) -> str:
         )
     words = (
         f"string unstable: a {linear.peak_frequency:.2g} rad/s disturbance "
-        f"grows {times(linear.peak_gain)} times per vehicle"
+        f"grows {gain_text(linear.peak_gain)} times per vehicle"
         if math.isfinite(linear.peak_frequency)
         else f"string unstable: short waves grow {linear.peak_gain:.3g} times per vehicle"
     )
@@ -50,7 +53,7 @@ def verdict(linear: Linear, critical: Mapping[str, float]) -> str:
 
 
 def _until(linear: Linear, kind: str, limit: float, stable: str, never: str) -> str:
-    """Up to which delay a verdict holds that is lost now."""
+    """Say up to which delay a verdict holds that is lost now."""
     if limit > 0.0:
         bound = "below" if kind == "local" else "up to"
         return f"; {stable} for {' '.join(_pattern(linear))} {bound} {limit:.3g} s"
@@ -58,8 +61,15 @@ def _until(linear: Linear, kind: str, limit: float, stable: str, never: str) -> 
     return f"; {stable} only without delay: {reason}" if reason else never
 
 
-def of_chain(chain: Chain) -> list[str]:
-    """What reaches the tail of a whole string and, where it is more, what happens in between."""
+def chain_verdict(chain: Chain) -> list[str]:
+    """Say what reaches the tail of a whole string and, where that is more, what happens in between.
+
+    Args:
+        chain: the string.
+
+    Returns:
+        One or two sentences.
+    """
     head = f"head to tail over {len(chain.vehicles)} vehicles"
     if not chain.locally_stable:
         return [f"{head}: unbounded, a vehicle is locally unstable"]
@@ -67,20 +77,20 @@ def of_chain(chain: Chain) -> list[str]:
     if chain.head_to_tail_stable:
         words = [f"{head}: stable, no frequency is larger at the tail than at the head"]
     else:
-        words = [f"{head}: a {peak.frequency:.3g} rad/s disturbance grows {times(peak.gain)} times"]
+        words = [f"{head}: a {peak.frequency:.3g} rad/s disturbance grows {gain_text(peak.gain)} times"]
     if worst.gain > peak.gain * (1 + 1e-6):
-        words.append(f"worst in between: {times(worst.gain)} times at {worst.frequency:.3g} rad/s")
+        words.append(f"worst in between: {gain_text(worst.gain)} times at {worst.frequency:.3g} rad/s")
     return words
 
 
-def times(gain: float) -> str:
-    """A gain with as many digits as it takes to tell it from 1."""
+def gain_text(gain: float) -> str:
+    """Write a gain with as many digits as it takes to tell it from 1."""
     digits = 3 if gain >= 1.01 else 2 + math.ceil(-math.log10(max(gain - 1.0, 1e-12)))
     return f"{gain:.{digits}g}"
 
 
 def _pattern(linear: Linear) -> tuple[str, str]:
-    """Which delays are meant, and which of them a number is where they differ."""
+    """Return which delays are meant, and which of them a number is where they differ."""
     delay = linear.vehicle.delay
     late = {} if isinstance(delay, float) else {n: t for n, t in delay if t > 0}
     if not late:

@@ -12,10 +12,15 @@ __all__ = ["Parts", "parts"]
 
 
 class Parts(NamedTuple):
-    """V = (top V_ahead + leader V_0) / bottom, divided by the factor p of a law that rests at every gap.
+    """The parts of V = (top V_ahead + leader V_0) / bottom, without the factor p of a law that rests at every gap.
 
-    plant: from speed to command, p² (1 + T_a p); feedback: what the vehicle does about its own motion,
-        p times the command per speed. Their sum is `bottom` undivided.
+    Attributes:
+        top: answer to the vehicle ahead.
+        bottom: the characteristic function.
+        leader: answer to the platoon leader, empty for a law that does not hear it.
+        plant: from speed to command, p² (1 + T_a p), undivided.
+        feedback: reaction to the vehicle's own motion, p times the command per speed; `plant` and `feedback` add up
+            to the undivided `bottom`.
     """
 
     top: QuasiPolynomial
@@ -26,7 +31,13 @@ class Parts(NamedTuple):
 
 
 def parts(partials: Mapping[str, float], c: Channel, lag: float) -> Parts:
-    """The parts of a vehicle with these derivatives by signal, delays and lag [s]; see `headway.theory.linear`."""
+    """Return the parts of the transfer functions of one vehicle; see `headway.theory.linear`.
+
+    Args:
+        partials: partial derivatives of the law by signal; signals that are left out count as 0.
+        c: delays [s] by signal.
+        lag: time constant [s] of the actuator, at least 0.
+    """
     f = {n: partials.get(n, 0.0) for n in ("s", "v", "dv", "a", "vl", "al", "v0l", "a0l")}
     top = QuasiPolynomial.of(
         (f["s"], 0, c.s), (f["dv"], 1, c.leader_speed_in_dv), (f["vl"], 1, c.vl), (f["al"], 2, c.al)
