@@ -14,11 +14,11 @@ import pytest
 
 import headway as hw
 from headway.benchmark import guidance, scores
-from headway.benchmark.cells import MIXED, PUBLISHED, SWEEP, TUNED, Board, Cell, run
-from headway.benchmark.outcome import compare
+from headway.benchmark.cells import MIXED, PUBLISHED, SWEEP, TUNED, Board, Cell, run_board
+from headway.benchmark.outcome import run_benchmark
 from headway.benchmark.report import benchmark_report
 from headway.benchmark.spec import Benchmark, Course, Entry, Late, load_benchmark
-from headway.benchmark.theory import steady
+from headway.benchmark.theory import steady_course
 from headway.benchmark.tuned import tuned
 from headway.errors import HeadwayError
 from headway.scenario.leaders import Brake, Sine
@@ -44,7 +44,7 @@ def small(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def outcome(small):
-    return compare(load_benchmark(small))
+    return run_benchmark(load_benchmark(small))
 
 
 # -- what is run ---------------------------------------------------------------------------------
@@ -271,7 +271,7 @@ def test_the_board_says_what_single_runs_say(outcome):
 
 
 def test_theory_stands_beside_the_growth_that_was_simulated(outcome):
-    assert steady(outcome.board.benchmark).name == "harmonic"
+    assert steady_course(outcome.board.benchmark).name == "harmonic"
     by = {(t.who, t.delays): t for t in outcome.theory}
     for delays in ("none", "realistic"):
         cacc = by["CACC", delays]
@@ -314,6 +314,62 @@ def test_advice_that_simulation_contradicts_says_so():
     assert "**not** confirmed" in told.sentence
 
 
+LEADER_LAW = """
+import headway as hw
+
+@hw.model
+def far(s, v, dv, v0l, *, k=0.2, c=0.6, far=0.4, s0=10.0):
+    return k * (s - s0) + c * dv + far * (v0l - v)
+"""
+
+LEADER_FILE = """
+without = ["OVM", "GMM", "CACC", "windowed", "step", "square", "sawtooth", "multisine", "chirp", "WLTC", "US06",
+           "HWFET", "brake", "150 ms for all", "one IDM among CACC", "one CACC among IDM"]
+sweep = [0.0]
+
+[[models]]
+name = "far"
+model = "far"
+adjust = ["k"]
+
+[[platoons]]
+name = "both"
+order = ["IDM", "far"]
+"""
+
+
+def test_a_law_that_hears_the_platoon_leader_has_no_verdict_per_vehicle_and_the_reason(tmp_path):
+    (tmp_path / "law.py").write_text(LEADER_LAW)
+    (tmp_path / "own.toml").write_text(LEADER_FILE)
+    found = run_benchmark(load_benchmark(tmp_path / "own.toml", laws=hw.load_laws(f"{tmp_path / 'law.py'}:far")))
+    far = [t for t in found.theory if t.who == "far"]
+    assert far
+    for t in far:
+        assert t.string_stable is None
+        assert t.locally_stable is True  # a single vehicle has a verdict of its own
+        assert "hears the platoon leader" in t.reason
+        assert t.gap == pytest.approx(10.0)
+        assert t.flow == pytest.approx(3600 * 23 / (10.0 + 5.0))
+        assert math.isinf(t.critical_local)
+        assert all(map(math.isnan, (t.peak_gain, t.peak_frequency, t.gain, t.critical_string)))
+    assert not [a for a in found.advice if a.who == "far"]
+    (sentence,) = [text for text in found.findings if "No string verdict on far" in text]
+    assert "hears the platoon leader" in sentence
+    assert all(m.strict is None and "hears the platoon leader" in m.reason for m in found.mixed)
+    table = next(t for n, t in benchmark_report(found).tables().items() if n.startswith("theory-exact"))
+    words = {row[2] for row in table.rows if row[0] == "far"}
+    assert all("hears the platoon leader" in text for text in words)
+    assert "stable" not in {row[2] for row in table.rows if row[0] == "far"}
+    entry = json.loads(json.dumps(found.as_json()))["theory"][-1]
+    assert (entry["who"], entry["locally_stable"], entry["string_stable"]) == ("far", True, None)
+
+
+def test_without_an_equilibrium_theory_has_no_verdict_at_all(outcome):
+    slow = [t for t in outcome.theory if t.who == "too slow"]
+    assert slow
+    assert all(t.locally_stable is None and t.string_stable is None and "no equilibrium" in t.reason for t in slow)
+
+
 def test_the_report_holds_all_of_it(outcome):
     page = benchmark_report(outcome, {"small.toml": SMALL})
     anchors = [s.anchor for s in page.sections]
@@ -339,7 +395,7 @@ def test_the_report_holds_all_of_it(outcome):
 
 
 def test_the_same_benchmark_has_the_same_cells(outcome, small):
-    again = run(load_benchmark(small))
+    again = run_board(load_benchmark(small))
     assert repr(again.cells) == repr(outcome.board.cells)  # as text: NaN differs from itself
 
 

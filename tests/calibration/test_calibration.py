@@ -12,7 +12,7 @@ from conftest import shared_file
 import headway as hw
 from headway.calibration import as_recorded, growth, measured_transfer, one_in, replay, verdict
 from headway.calibration.uncertainty import block_length, effective_samples
-from headway.errors import HeadwayError
+from headway.errors import HeadwayError, LeaderHeardError
 from headway.models import CACC, FVDM, GMM, IDM, OVM
 from headway.scenario.document import from_toml
 
@@ -178,6 +178,17 @@ def test_verdicts_of_known_drivers():
     assert unstable.words.startswith("surely string unstable")
     exact = hw.linearize(hw.Vehicle(IDM(T=0.9, a=0.8), delay=0.8), unstable.speed).peak_gain
     assert unstable.low <= exact <= unstable.high
+
+
+@hw.model
+def follows_the_leader(s, v, dv, v0l, *, T=1.2, a=1.1, far=0.4, s0=10.0):
+    return 0.2 * a * (s - s0 - T * v) + 0.6 * dv + far * (v0l - v)
+
+
+def test_a_law_that_hears_the_platoon_leader_has_no_verdict_but_the_reason():
+    fit = dataclasses.replace(FIT, vehicle=hw.Vehicle(follows_the_leader()))
+    with pytest.raises(LeaderHeardError, match="follows_the_leader hears the platoon leader, so no growth per vehicle"):
+        verdict(fit)
 
 
 def test_one_cacc_car_in_n_damps():

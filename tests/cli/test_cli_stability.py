@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 
@@ -35,6 +36,15 @@ def test_text(cli, arguments, lines):
     assert code == 0
     for line in lines:
         assert line in out
+
+
+def test_without_a_speed_it_takes_the_documented_one(cli):
+    code, out, _ = cli("stability", "idm", "--json")
+    assert code == 0
+    assert json.loads(out)["speed"] == 23.0
+    assert out == cli("stability", "idm", "--speed", "23", "--json")[1]
+    help_ = " ".join(cli("stability", "--help")[1].split())
+    assert "23 if not given" in re.sub(r"[│╭╮╰╯─ ]+", " ", help_)
 
 
 def test_it_loads_nothing_heavy():

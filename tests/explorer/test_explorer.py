@@ -16,10 +16,11 @@ import pytest
 import headway as hw
 from headway.engine.simulate import solve
 from headway.errors import HeadwayError
-from headway.explorer import exports, picture
+from headway.explorer import answers, exports, picture
 from headway.explorer import state as states
 from headway.explorer.lines import python_lines
 from headway.explorer.server import make_app
+from headway.theory.sentences import vehicle_verdict
 
 TOKEN = "a-token"
 HERE = "http://127.0.0.1:8000"
@@ -272,9 +273,26 @@ def test_the_verdict_is_what_headway_stability_says(client, state, cli, tmp_path
         sentences = until(link, "verdict", 1)[0]["sentences"]
     assert out.splitlines() == sentences
     lin = hw.linearize(hw.from_toml(BASE).followers[0], 23.0)
-    assert sentences[0].endswith(
-        sentences.vehicle_verdict(lin, {k: lin.critical_delay(k) for k in ("local", "string")})
-    )
+    assert sentences[0].endswith(vehicle_verdict(lin, lin.critical_delays()))
+
+
+@hw.model
+def far(s, v, dv, v0l, *, k=0.2, c=0.6, far=0.4, s0=10.0):
+    return k * (s - s0) + c * dv + far * (v0l - v)
+
+
+def test_a_law_that_hears_the_platoon_leader_has_no_verdict_per_vehicle():
+    scenario = hw.Scenario(hw.sine(20, 1, 0.5), [hw.Vehicle(far)] * 3, duration=20)
+    state = states.read(states.start_state(scenario), [far])
+    shown, _ = picture.draw(state, picture.Quick(), 100, True, never)
+    badge = shown.header["theory"]
+    assert badge["word"] == "no verdict on one vehicle"
+    assert "hears the platoon leader" in badge["error"]
+    assert "peak" not in badge
+    assert "gain" not in shown.arrays
+    sentences = answers.verdicts(state, never)
+    assert "it hears the platoon leader, so no growth per vehicle is defined" in sentences[0]
+    assert not any("string stable" in text or "string unstable" in text for text in sentences)
 
 
 # -- that it never ends ------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from headway.benchmark.measures import MEASURES, measured
+from headway.benchmark.measures import MEASURES, measures_of
 from headway.benchmark.spec import Benchmark, Course, Entry
 from headway.benchmark.tuned import tuned
 from headway.engine.simulate import simulate, simulate_many
@@ -18,7 +18,7 @@ from headway.study.executors import cores
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MIXED", "PUBLISHED", "SWEEP", "TUNED", "Board", "Cell", "run"]
+__all__ = ["MIXED", "PUBLISHED", "SWEEP", "TUNED", "Board", "Cell", "run_board"]
 
 #: views of the board: the published sets, the same tuned to a common gap, and mixed platoons
 PUBLISHED, TUNED, MIXED = "published", "tuned", "mixed"
@@ -26,7 +26,7 @@ PUBLISHED, TUNED, MIXED = "published", "tuned", "mixed"
 #: name of the delays of a sweep
 SWEEP = "sweep"
 
-#: most samples × vehicles that are kept at once for measuring
+#: most samples × vehicles that are in memory at once for measuring
 _KEPT = 400_000
 
 Progress = Callable[[int, int], None]
@@ -34,9 +34,18 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Cell:
-    """One run of the board and what was measured; `reason` says why there is nothing.
+    """One run of the board and its measures.
 
-    `who` is an entry or a mixed platoon, `delays` the name of a case or `sweep`, `onboard` and `radio` in seconds.
+    Attributes:
+        view: `PUBLISHED`, `TUNED` or `MIXED`.
+        who: name of an entry or of a mixed platoon.
+        course: name of the disturbance.
+        delays: name of a case of delays, or `SWEEP`.
+        onboard: delay of on-board signals [s].
+        radio: delay of radio signals [s].
+        values: measures by name; empty where the cell could not be run.
+        scenario_hash: of the scenario; empty where it could not be run.
+        reason: why it could not be run; else empty.
     """
 
     view: str
@@ -57,9 +66,14 @@ class Cell:
 
 @dataclass(frozen=True)
 class Board:
-    """All cells of a benchmark; trajectories of those that are drawn, by (course, who); tuned entries by name.
+    """All cells of a benchmark.
 
-    `untuned` says of an entry why it could not be tuned.
+    Attributes:
+        benchmark: what was run.
+        cells: one for each run.
+        drawn: trajectories of those that are drawn, by (course, who).
+        tuned: entries tuned to the common gap, by name.
+        untuned: why an entry could not be tuned, by name.
     """
 
     benchmark: Benchmark
@@ -69,7 +83,13 @@ class Board:
     untuned: dict[str, str]
 
     def select(self, view: str, delays: str | None = None, who: str | None = None) -> list[Cell]:
-        """Cells of a view, optionally of one case of delays and of one entry or platoon."""
+        """Return the cells of a view.
+
+        Args:
+            view: `PUBLISHED`, `TUNED` or `MIXED`.
+            delays: name of a case of delays; all if None.
+            who: name of an entry or a mixed platoon; all if None.
+        """
         return [c for c in self.cells if c.view == view and delays in (None, c.delays) and who in (None, c.who)]
 
     @property
@@ -103,10 +123,12 @@ class _Job:
         )  # fmt: skip
 
 
-def run(benchmark: Benchmark, progress: Progress | None = None) -> Board:
-    """Run everything; `progress` is told how many of how many cells are done.
+def run_board(benchmark: Benchmark, progress: Progress | None = None) -> Board:
+    """Run all cells of a benchmark; one that fails is recorded with its reason and does not affect the others.
 
-    A cell that fails is recorded with its reason; the others are not affected.
+    Args:
+        benchmark: what to run.
+        progress: called with the number of cells that are done and the number of all.
     """
     competitors, untuned = {}, {}
     for entry in benchmark.entries:
@@ -120,10 +142,10 @@ def run(benchmark: Benchmark, progress: Progress | None = None) -> Board:
     cells: list[Cell] = []
     drawn: dict[tuple[str, str], xr.Dataset] = {}
     with ThreadPoolExecutor(cores()) as pool:
-        for block, (made, runs) in zip(
+        for block, (block_cells, runs) in zip(
             blocks, pool.map(lambda b: _measure(benchmark, b, drawn_case), blocks), strict=True
         ):
-            cells += made
+            cells += block_cells
             drawn.update({(job.course.name, job.who): runs[i] for i, job in enumerate(block) if i in runs})
             if progress is not None:
                 progress(len(cells), total)
@@ -131,7 +153,7 @@ def run(benchmark: Benchmark, progress: Progress | None = None) -> Board:
 
 
 def _jobs(benchmark: Benchmark, competitors: dict[str, Entry]) -> Iterator[_Job]:
-    """Everything to be run; entries of one law stand together where they can share a batch."""
+    """Yield everything to be run; entries of one law stand together where they can share a batch."""
     count = benchmark.followers
     for course in benchmark.courses:
         for case in benchmark.cases:
@@ -149,12 +171,12 @@ def _jobs(benchmark: Benchmark, competitors: dict[str, Entry]) -> Iterator[_Job]
 
 
 def _output_step(benchmark: Benchmark, course: Course) -> float:
-    """Distance of the samples [s], at least fifty of them."""
+    """Return the distance of the samples [s], at least fifty of them."""
     return min(benchmark.output_step, course.duration / 50)
 
 
 def _blocks(benchmark: Benchmark, jobs: list[_Job]) -> Iterator[list[_Job]]:
-    """Jobs behind one leader with platoons of one length, so few that measuring them takes little memory."""
+    """Yield jobs behind one leader with platoons of one length, so few that measuring them takes little memory."""
     groups: dict[tuple[str, int], list[_Job]] = {}
     for job in jobs:
         groups.setdefault((job.course.name, len(job.entries)), []).append(job)
@@ -166,7 +188,7 @@ def _blocks(benchmark: Benchmark, jobs: list[_Job]) -> Iterator[list[_Job]]:
 
 
 def _measure(benchmark: Benchmark, jobs: Sequence[_Job], drawn: str) -> tuple[list[Cell], dict[int, xr.Dataset]]:
-    """The cells of a block, and by number the runs of it that are drawn."""
+    """Return the cells of a block, and by number those of its runs that are drawn."""
     scenarios: dict[int, Scenario] = {}
     reasons: dict[int, str] = {}
     for i, job in enumerate(jobs):
@@ -178,8 +200,8 @@ def _measure(benchmark: Benchmark, jobs: Sequence[_Job], drawn: str) -> tuple[li
     reasons |= failed
     values: dict[int, dict[str, float]] = {}
     if runs:
-        found, _ = measured(list(runs.values()), jobs[0].course.leader)
-        values = {i: {name: float(found[name][n]) for name in MEASURES} for n, i in enumerate(runs)}
+        numbers, _ = measures_of(list(runs.values()), jobs[0].course.leader)
+        values = {i: {name: float(numbers[name][n]) for name in MEASURES} for n, i in enumerate(runs)}
     cells = [
         Cell(
             job.view, job.who, job.course.name, job.delays, job.onboard, job.radio, values.get(i, {}),
@@ -192,7 +214,7 @@ def _measure(benchmark: Benchmark, jobs: Sequence[_Job], drawn: str) -> tuple[li
 
 
 def _simulate(scenarios: dict[int, Scenario]) -> tuple[dict[int, xr.Dataset], dict[int, str]]:
-    """Trajectories and reasons for their lack, by number: all at once, one by one if something fails."""
+    """Return trajectories, and reasons for missing ones, by number: all at once, one by one if something fails."""
     try:
         return dict(zip(scenarios, simulate_many(list(scenarios.values())), strict=True)), {}
     except Exception:

@@ -10,20 +10,25 @@ import numpy as np
 
 from headway.benchmark.cells import PUBLISHED, SWEEP, Board
 from headway.benchmark.scores import Score
-from headway.benchmark.theory import Theory, gain_at, linear, steady
+from headway.benchmark.theory import Theory, gain_at, linear, steady_course
 from headway.plot import style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["disturbances", "gains", "ranks", "sweeps"]
+__all__ = ["disturbances", "gain_curves", "ranks", "sweeps"]
 
 #: largest gain and growth that are drawn
 _TOP = 2.5
 
 
 def ranks(scores: dict[str, Sequence[Score]], who: Sequence[str]) -> Figure:
-    """Mean ranks as fields of numbers, a panel for each key of `scores`: entries `who` down, criteria across."""
+    """Draw mean ranks as fields of numbers, a panel for each key of `scores`.
+
+    Args:
+        scores: of all entries, by title of the panel.
+        who: names of the entries from top to bottom; criteria go across.
+    """
     from matplotlib.colors import Normalize
 
     count = len(who)
@@ -33,9 +38,9 @@ def ranks(scores: dict[str, Sequence[Score]], who: Sequence[str]) -> Figure:
     norm = Normalize(1.0, max(count, 2))
     for i, (ax, (name, board)) in enumerate(zip(axes, scores.items(), strict=True)):
         criteria = list(board[0].ranks)
-        known = {s.who: s for s in board}
+        scores_of = {s.who: s for s in board}
         values = np.array(
-            [[known[w].ranks.get(c, math.nan) if w in known else math.nan for c in criteria] for w in who]
+            [[scores_of[w].ranks.get(c, math.nan) if w in scores_of else math.nan for c in criteria] for w in who]
         )
         ax.imshow(values, cmap=shade, norm=norm, aspect="auto")
         for y, x in np.ndindex(values.shape):
@@ -53,25 +58,30 @@ def ranks(scores: dict[str, Sequence[Score]], who: Sequence[str]) -> Figure:
     return figure
 
 
-def gains(board: Board, theory: Sequence[Theory]) -> Figure:
-    """|G(iω)| of every entry by exact theory, a panel for each case of delays, and growth simulated behind the sine."""
+def gain_curves(board: Board, theory: Sequence[Theory]) -> Figure:
+    """Draw |G(iω)| of every entry by theory and the growth simulated behind the sine, a panel for each case of delays.
+
+    Args:
+        board: the cells of a benchmark.
+        theory: of its entries.
+    """
     b = board.benchmark
     figure = style.new_figure(2.9)
     axes = figure.subplots(1, len(b.cases), sharey=True, squeeze=False)[0]
     looks = dict(zip((e.name for e in b.entries), style.series(len(b.entries)), strict=True))
     omega = np.geomspace(0.02, 5.0, 400)
-    course = steady(b)
+    course = steady_course(b)
     at = course.leader.fundamental if course is not None else None
     for ax, case in zip(axes, b.cases, strict=True):
         for entry in b.entries:
-            found = next(t for t in theory if t.who == entry.name and t.delays == case.name)
-            if found.reason or not found.locally_stable:
+            row = next(t for t in theory if t.who == entry.name and t.delays == case.name)
+            if row.reason or not row.locally_stable:
                 continue
             there = linear(entry, entry.delay(case.onboard, case.radio), b.speed)
             gain = np.asarray(there.gain(omega))
             ax.plot(omega, np.where(gain <= 2 * _TOP, gain, np.nan), **looks[entry.name])
-            if at is not None and math.isfinite(found.measured):
-                ax.plot([at], [found.measured], "o", markersize=4.5, markerfacecolor="white",
+            if at is not None and math.isfinite(row.measured):
+                ax.plot([at], [row.measured], "o", markersize=4.5, markerfacecolor="white",
                         markeredgecolor=looks[entry.name]["color"], zorder=4)  # fmt: skip
         ax.axhline(1.0, color="0.35", linewidth=0.7, zorder=1)
         ax.set(xscale="log", xlim=(omega[0], omega[-1]), ylim=(0.0, _TOP), xlabel="Angular frequency [rad/s]")
@@ -88,9 +98,13 @@ def gains(board: Board, theory: Sequence[Theory]) -> Figure:
 
 
 def sweeps(board: Board) -> Figure:
-    """Against the delay: growth per vehicle behind the sine, simulated (dots) and by theory (lines), and least TTC."""
+    """Draw growth per vehicle behind the sine, simulated (dots) and by theory (lines), and least TTC, over the delay.
+
+    Args:
+        board: the cells of a benchmark.
+    """
     b = board.benchmark
-    course = steady(b) or next(c for c in b.courses if c.sweep)
+    course = steady_course(b) or next(c for c in b.courses if c.sweep)
     omega = course.leader.fundamental
     figure = style.new_figure(2.9)
     left, right = figure.subplots(1, 2)
@@ -122,7 +136,11 @@ def sweeps(board: Board) -> Figure:
 
 
 def disturbances(board: Board) -> Figure:
-    """The speed of every leader over time."""
+    """Draw the speed of every leader over time.
+
+    Args:
+        board: the cells of a benchmark.
+    """
     courses = board.benchmark.courses
     columns = min(4, len(courses))
     rows = math.ceil(len(courses) / columns)

@@ -1,6 +1,6 @@
-"""What to do, in words that are made of the numbers.
+"""Advice in words that the numbers make.
 
-For every entry and delay exact theory tells the value of a parameter at which string stability is won or lost;
+For every entry and delay exact theory gives the value of a parameter at which string stability is won or lost;
 two simulations, a little to either side of it, confirm or contradict it.
 """
 
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from headway.benchmark.cells import PUBLISHED, TUNED, Board, Cell
-from headway.benchmark.scores import CRITERIA, Criterion, Score, held, holds, lost, scoreboard, value
+from headway.benchmark.scores import CRITERIA, Criterion, Score, criterion_value, held, holds, lost, scoreboard
 from headway.benchmark.spec import Entry, Late
 from headway.benchmark.theory import Theory, linear
 from headway.engine.simulate import simulate
@@ -38,9 +38,14 @@ _PERIODS, _MEASURED = 6, 2
 
 @dataclass(frozen=True)
 class Side:
-    """A value beside the critical one: what theory says there, and the growth per vehicle simulated at `omega`.
+    """A value beside the critical one: what theory says there, and what was simulated.
 
-    `measured` is infinite where followers collide and NaN where nothing could be simulated.
+    Attributes:
+        value: of the parameter, in its unit.
+        stable: whether theory says string stable.
+        omega: frequency of the leader [rad/s].
+        gain: |G(iω)| by theory.
+        measured: growth per vehicle simulated; infinite where followers collide, NaN where nothing could be run.
     """
 
     value: float
@@ -57,9 +62,20 @@ class Side:
 
 @dataclass(frozen=True)
 class Advice:
-    """The value of a parameter that string stability asks for where signals are `delay` [s] late.
+    """The value of a parameter that string stability needs at a delay.
 
-    critical is NaN where no allowed value changes the verdict; `least` says that it is a lower bound.
+    Attributes:
+        who: name of the entry.
+        delay: of its late signals [s].
+        by_radio: whether these arrive by radio.
+        parameter: name of the parameter.
+        unit: of the parameter.
+        now: present value.
+        stable: whether the entry is string stable with it.
+        critical: value at which the verdict changes; NaN where no allowed value does.
+        least: whether the critical value is a lower bound of the stable ones, not an upper one.
+        sides: a value below and one above, simulated; empty where nothing could be confirmed.
+        speed: of everybody [m/s].
     """
 
     who: str
@@ -100,48 +116,55 @@ class Advice:
     def _check(self) -> str:
         if not self.sides:
             return "not confirmed by simulation"
-        said = " and ".join(
+        outcomes = " and ".join(
             f"{_factor(side.measured)} with {self.parameter} = {side.value:.4g}"
             if math.isfinite(side.measured)
             else f"{'a collision' if side.measured > 0 else 'no answer'} with {self.parameter} = {side.value:.4g}"
             for side in self.sides
         )
         verdict = "confirmed" if self.confirmed else "**not** confirmed"
-        return f"{verdict} by simulation, where the growth per vehicle is {said}"
+        return f"{verdict} by simulation, where the growth per vehicle is {outcomes}"
 
 
 def _factor(growth: float) -> str:
-    """A growth with as many digits as tell it from 1."""
+    """Write a growth with as many digits as it takes to tell it from 1."""
     digits = 3 if growth == 1.0 else max(3, 1 - math.floor(math.log10(abs(growth - 1.0))))
     return f"{growth:.{min(digits, 9)}f}" if growth < 100 else f"{growth:.3g}"
 
 
 def _rounded(number: float, up: bool) -> str:
-    """Three digits, rounded to the safe side."""
+    """Write three digits, rounded to the safe side."""
     digits = 2 - math.floor(math.log10(abs(number))) if number else 0
     step = 10.0**-digits
     return f"{(math.ceil if up else math.floor)(number / step - (1e-9 if up else -1e-9)) * step:.{max(digits, 0)}f}"
 
 
 def advise(board: Board) -> tuple[Advice, ...]:
-    """Advice for every entry, every delay of a case that it can have, and every parameter of its `adjust`."""
+    """Return advice for every entry, every delay that it has in a case, and every parameter of its `adjust`.
+
+    Args:
+        board: the cells of a benchmark.
+
+    Returns:
+        Advice, confirmed by simulation where that was possible. Entries without an equilibrium or without a verdict
+        per vehicle have none.
+    """
     b = board.benchmark
-    found: list[Advice] = []
+    advice: list[Advice] = []
     scenarios: list[Scenario] = []
     for entry in b.entries:
         delays = sorted({entry.delay(case.onboard, case.radio) for case in b.cases})
         for delay, parameter in itertools.product(delays, entry.adjust):
             try:
-                found.append(_advice(entry, delay, parameter, b.speed))
+                advice.append(_advice(entry, delay, parameter, b.speed))
             except HeadwayError:
-                continue  # without an equilibrium there is nothing to advise; the table of theory gives the reason
-    for advice in found:
-        for side in advice.sides:
-            scenarios.append(_scenario(b.entry(advice.who), advice, side, b.speed))
+                continue  # nothing to advise; `findings` and the table of theory give the reason
+    for item in advice:
+        for side in item.sides:
+            scenarios.append(_scenario(b.entry(item.who), item, side, b.speed))
     measured = iter(_growth(scenarios))
     return tuple(
-        replace(advice, sides=tuple(replace(side, measured=next(measured)) for side in advice.sides))
-        for advice in found
+        replace(item, sides=tuple(replace(side, measured=next(measured)) for side in item.sides)) for item in advice
     )
 
 
@@ -179,7 +202,7 @@ def _changed(entry: Entry, parameter: str, value: float) -> Entry:
 
 
 def _frequency(there: Linear) -> float:
-    """A frequency [rad/s] at which growth shows: the one of the largest gain, or of the root that grows."""
+    """Return a frequency [rad/s] at which growth shows: that of the largest gain, or of the root that grows."""
     if there.locally_stable:
         # a sine so slow that it takes minutes shows nothing that a faster one that also grows does not
         slowest = next((w for w in (0.2, 0.1, 0.05, 0.02) if there.gain(w) > 1.0), 0.0)
@@ -197,7 +220,7 @@ def _scenario(entry: Entry, advice: Advice, side: Side, speed: float) -> Scenari
 
 
 def _growth(scenarios: Sequence[Scenario]) -> list[float]:
-    """The largest growth per vehicle at the end of each run; infinite after a collision, NaN where nothing is known."""
+    """Return the largest growth per vehicle at the end of each run; infinite after a collision, NaN without a value."""
     with ThreadPoolExecutor(cores()) as pool:
         return list(pool.map(_growth_of, scenarios))
 
@@ -215,50 +238,67 @@ def _growth_of(scenario: Scenario) -> float:
 
 
 def findings(board: Board, theory: Sequence[Theory], advice: Sequence[Advice]) -> tuple[str, ...]:
-    """What matters most, a sentence each."""
+    """Return what matters most, a sentence each.
+
+    Args:
+        board: the cells of a benchmark.
+        theory: of its entries.
+        advice: for its entries.
+    """
     scores = scoreboard(board, PUBLISHED)
     order = ", ".join(f"{s.who} ({s.overall:.1f})" for s in scores)
-    found = [f"**Order** by the mean rank over {len(scores[0].ranks)} criteria, 1 is best: {order}.{_same_gap(board)}"]
-    found += [_of_case(board, case, [s.who for s in scores], theory) for case in board.benchmark.cases]
+    sentences = [
+        f"**Order** by the mean rank over {len(scores[0].ranks)} criteria, 1 is best: {order}.{_same_gap(board)}"
+    ]
+    sentences += [_of_case(board, case, [s.who for s in scores], theory) for case in board.benchmark.cases]
     if any(c.sweep for c in board.benchmark.courses):
         reached = "; ".join(_reach(board, s.who) for s in scores)
-        found.append(f"**The largest delay** at which all criteria still hold in all swept disturbances: {reached}.")
+        sentences.append(
+            f"**The largest delay** at which all criteria still hold in all swept disturbances: {reached}."
+        )
     longest = max((a.delay for a in advice if not a.by_radio), default=0.0)
-    wanted = [a for a in advice if not a.stable and not math.isnan(a.critical) and a.delay == longest]
-    found += [f"**{a.who}.** {a.sentence}" for a in wanted[:2]]
-    found += _unphysical(board)
-    return tuple(found)
+    urgent = [a for a in advice if not a.stable and not math.isnan(a.critical) and a.delay == longest]
+    sentences += [f"**{a.who}.** {a.sentence}" for a in urgent[:2]]
+    sentences += _without_verdict(theory)
+    sentences += _unphysical(board)
+    return tuple(sentences)
 
 
 def _same_gap(board: Board) -> str:
-    """The order of the entries once all keep the same gap, and who of them collides there."""
+    """Say the order of the entries once all keep the same gap, and who of them collides there."""
     scores = scoreboard(board, TUNED)
     if not scores:
         return ""
-    said = []
+    places = []
     for score in scores:
         cells = board.select(TUNED, who=score.who)
         hits = sum(c.collided for c in cells)
         hit = f", collides in {hits} of {len(cells)} runs" if hits else ""
-        said.append(f"{score.who} ({score.overall:.1f}{hit})")
+        places.append(f"{score.who} ({score.overall:.1f}{hit})")
     b = board.benchmark
     common = f"all tuned to {b.gap:g} m at {b.speed:g} m/s"
-    return f" It depends on the distance that each keeps: {common} it is {', '.join(said)}."
+    return f" It depends on the distance that each keeps: {common} it is {', '.join(places)}."
+
+
+def _without_verdict(theory: Sequence[Theory]) -> list[str]:
+    """Say of which entries theory has no string verdict, and why; nothing if it has one of all."""
+    reasons = dict.fromkeys((t.who, t.reason) for t in theory if t.reason)
+    return [f"**No string verdict on {who}** by theory, so no advice for it: {reason}." for who, reason in reasons]
 
 
 def _unphysical(board: Board) -> list[str]:
-    """Who brakes harder than any car can, where, and what that means; nothing if nobody does."""
-    said = []
+    """Say who brakes harder than any car can, where, and what that means; nothing if nobody does."""
+    offenders = []
     for name in dict.fromkeys(c.who for c in board.select(PUBLISHED)):
         cells = [c for c in board.select(PUBLISHED, who=name) if "braking" in c.values]
         beyond = [c.values["braking"] for c in cells if c.values["braking"] < -UNPHYSICAL]
         if beyond:
-            said.append(f"{name} in {len(beyond)} of {len(cells)} runs, at {-min(beyond):.3g} m/s² at most")
-    if not said:
+            offenders.append(f"{name} in {len(beyond)} of {len(cells)} runs, at {-min(beyond):.3g} m/s² at most")
+    if not offenders:
         return []
     return [
-        f"**Braking beyond any car**, harder than {UNPHYSICAL:g} m/s²: {'; '.join(said)}. Accelerations have no limits "
-        "here, so that such a run says what the law asks for, not what a car would do."
+        f"**Braking beyond any car**, harder than {UNPHYSICAL:g} m/s²: {'; '.join(offenders)}. Accelerations have no "
+        "limits here, so that such a run says what the law asks for, not what a car would do."
     ]
 
 
@@ -266,13 +306,13 @@ def _of_case(board: Board, case: Late, names: Sequence[str], theory: Sequence[Th
     parts = []
     for name in names:
         cells = board.select(PUBLISHED, case.name, name)
-        kept = [c.name for c in CRITERIA if holds(cells, c)]
-        said = "all criteria" if len(kept) == len(CRITERIA) else ", ".join(kept) or "no criterion throughout"
-        text = f"{name} holds {said}"
+        criteria = [c.name for c in CRITERIA if holds(cells, c)]
+        summary = "all criteria" if len(criteria) == len(CRITERIA) else ", ".join(criteria) or "no criterion throughout"
+        text = f"{name} holds {summary}"
         for what, hit in (("collides", sum(c.collided for c in cells)), ("cannot be run", sum(map(_absent, cells)))):
             text += f" and {what} behind {hit} of {len(cells)} leaders" if hit else ""
         verdict = next((t for t in theory if t.who == name and t.delays == case.name), None)
-        if verdict is not None and verdict.string_stable and "string stability" not in kept:
+        if verdict is not None and verdict.string_stable and "string stability" not in criteria:
             text += ", though by theory small disturbances do not grow"
         parts.append(text)
     late = "" if case.onboard == case.radio == 0 else f" ({case.onboard:g} s on board, {case.radio:g} s by radio)"
@@ -295,44 +335,53 @@ def _reach(board: Board, who: str) -> str:
 
 
 def trade_offs(board: Board, scores: Sequence[Score], theory: Sequence[Theory]) -> tuple[str, ...]:
-    """Where being better at one thing goes with being worse at another."""
-    found = []
+    """Say where being better at one thing goes with being worse at another.
+
+    Args:
+        board: the cells of a benchmark.
+        scores: of its entries, best first.
+        theory: of its entries.
+
+    Returns:
+        List items, each a sentence.
+    """
+    sentences = []
     cases = {case.name for case in board.benchmark.cases}
     cells = [c for c in board.select(PUBLISHED) if c.delays in cases]
     for one, other in itertools.combinations(CRITERIA, 2):
         tau, pairs = _agreement(cells, one, other)
         if pairs >= 10 and tau <= -0.2:
-            found.append(
+            sentences.append(
                 f"- **{one.name} against {other.name}**: of two entries that do not collide, the one better at the "
                 f"first is worse at the second in {0.5 * (1.0 - tau):.0%} of {pairs} comparisons."
             )
     for score in scores:
-        known = {n: r for n, r in score.ranks.items() if math.isfinite(r)}
-        if not known:
+        finite = {n: r for n, r in score.ranks.items() if math.isfinite(r)}
+        if not finite:
             continue
-        best, worst = min(known, key=lambda n: known[n]), max(known, key=lambda n: known[n])
+        best, worst = min(finite, key=lambda n: finite[n]), max(finite, key=lambda n: finite[n])
         runs = board.select(PUBLISHED, who=score.who)
         hits = sum(c.collided for c in runs)
         if 2 * hits > len(runs):
-            found.append(
+            sentences.append(
                 f"- **{score.who}** collides in {hits} of {len(runs)} runs: it fails all criteria there, and no rank "
                 "says that it is good at something."
             )
             continue
-        text = f"- **{score.who}** ranks best at {best} ({known[best]:.1f}) and worst at {worst} ({known[worst]:.1f})"
-        flow = next((t for t in theory if t.who == score.who and not t.reason), None)
+        text = f"- **{score.who}** ranks best at {best} ({finite[best]:.1f}) and worst at {worst} ({finite[worst]:.1f})"
+        flow = next((t for t in theory if t.who == score.who and math.isfinite(t.flow)), None)
         if flow is not None:
             speed = board.benchmark.speed
             text += f"; its gap of {flow.gap:.3g} m at {speed:g} m/s lets {flow.flow:.0f} vehicles an hour pass"
-        found.append(f"{text}.")
-    return tuple(found)
+        sentences.append(f"{text}.")
+    return tuple(sentences)
 
 
 def _agreement(cells: Sequence[Cell], one: Criterion, other: Criterion) -> tuple[float, int]:
-    """Kendall's τ of two criteria over all pairs of entries in one cell of the board, and how many pairs there are."""
+    """Return Kendall's τ of two criteria over all pairs of entries in the same cell, and the number of pairs."""
     places: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for cell in cells:
-        pair = value(cell, one), value(cell, other)
+        pair = criterion_value(cell, one), criterion_value(cell, other)
         if not (cell.collided or cell.reason) and all(map(math.isfinite, pair)):
             signed = tuple(-v if c.more else v for v, c in zip(pair, (one, other), strict=True))
             places.setdefault((cell.course, cell.delays), []).append((signed[0], signed[1]))

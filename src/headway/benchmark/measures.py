@@ -1,4 +1,4 @@
-"""What is measured of every run: one number each over all followers, for many runs at once."""
+"""Measures of runs: one number over all followers for each run, many runs at once."""
 
 from __future__ import annotations
 
@@ -18,12 +18,18 @@ from headway.scenario.leaders import Disturbance
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MEASURES", "Measure", "measured"]
+__all__ = ["MEASURES", "Measure", "measures_of"]
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A number per run: unit, meaning, and how it is made of stacked runs and their leader."""
+    """A number for each run.
+
+    Attributes:
+        unit: of the number.
+        meaning: in words.
+        of: the numbers (run,) of stacked runs (run, vehicle, time) behind one leader.
+    """
 
     unit: str
     meaning: str
@@ -39,10 +45,10 @@ def _head_to_tail(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
 
 
 def _passed_on(runs: xr.Dataset, leader: Disturbance, to: Literal["predecessor", "leader"]) -> xr.DataArray:
-    """Ratio of fundamentals where the leader repeats itself, else of L2 norms; NaN for a run with a collision.
+    """Return the ratio of fundamentals where the leader repeats itself, else of L2 norms; NaN after a collision.
 
-    A vehicle that stops for a time, or does not swing steadily, has no fundamental to speak of: there it is
-    the ratio of L2 norms as well.
+    A vehicle that stops for a time, or does not swing steadily, has no fundamental: for it, too, the ratio is that
+    of L2 norms.
     """
     ratio = metrics.l2_ratio(runs, to=to)
     if leader.fundamental is not None:
@@ -52,8 +58,8 @@ def _passed_on(runs: xr.Dataset, leader: Disturbance, to: Literal["predecessor",
 
 
 def _roughness(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
-    found = metrics.rms_acceleration(runs)
-    return _followers(found).max("vehicle") / found.isel(vehicle=0, drop=True)
+    acceleration = metrics.rms_acceleration(runs)
+    return _followers(acceleration).max("vehicle") / acceleration.isel(vehicle=0, drop=True)
 
 
 def _tracking(runs: xr.Dataset, leader: Disturbance) -> xr.DataArray:
@@ -74,7 +80,7 @@ def _followers(values: xr.DataArray) -> xr.DataArray:
 
 
 def _of(name: str, meaning: str) -> Measure:
-    """A metric of the registry, of the follower that speaks for the platoon."""
+    """Return a metric of the registry as a measure, of the follower that speaks for the platoon."""
     metric = named(name)
     return Measure(metric.unit, meaning, lambda runs, _: metric.over_vehicles(metric.of(runs)))
 
@@ -100,10 +106,18 @@ MEASURES: dict[str, Measure] = {
 }
 
 
-def measured(runs: Sequence[xr.Dataset], leader: Disturbance) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
-    """Each of `MEASURES` (run,) of runs behind one leader with the same times; and why a measure has no value.
+def measures_of(
+    runs: Sequence[xr.Dataset], leader: Disturbance
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+    """Compute all measures of runs behind one leader.
 
-    A value is NaN where it does not exist, e.g. a growth of what collided before its window.
+    Args:
+        runs: trajectories with the same vehicles and times.
+        leader: their leader.
+
+    Returns:
+        Each of `MEASURES` (run,) by name, NaN where a value does not exist, e.g. the growth behind a collision; and
+        by name why a measure has no value at all.
     """
     import xarray as xr
 
@@ -120,8 +134,8 @@ def measured(runs: Sequence[xr.Dataset], leader: Disturbance) -> tuple[dict[str,
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore", RuntimeWarning)  # of all-NaN slices
-                found = measure.of(stacked, leader)
-            values[name] = np.asarray(found.values, dtype=float)
+                numbers = measure.of(stacked, leader)
+            values[name] = np.asarray(numbers.values, dtype=float)
         except HeadwayError as error:
             values[name] = np.full(len(runs), np.nan)
             reasons[name] = str(error)

@@ -1,4 +1,4 @@
-"""Everything a benchmark finds, in one piece: what a report, a table or a program reads."""
+"""The outcome of a benchmark in one piece, for reports, tables and programs."""
 
 from __future__ import annotations
 
@@ -8,19 +8,29 @@ import io
 from dataclasses import dataclass, fields
 from typing import Any
 
-from headway.benchmark.cells import PUBLISHED, Board, Progress, run
+from headway.benchmark.cells import PUBLISHED, Board, Progress, run_board
 from headway.benchmark.guidance import Advice, advise, findings, trade_offs
 from headway.benchmark.measures import MEASURES
 from headway.benchmark.scores import CRITERIA, Score, held, scoreboard
 from headway.benchmark.spec import Benchmark
 from headway.benchmark.theory import Mixed, Theory, of_entries, of_platoons
 
-__all__ = ["Outcome", "compare"]
+__all__ = ["Outcome", "run_benchmark"]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The board, its scores at the published sets (best first), theory beside it, advice and findings in words."""
+    """The outcome of a benchmark.
+
+    Attributes:
+        board: all cells.
+        scores: mean ranks at the published parameters, best first.
+        theory: of every entry in every case of delays.
+        mixed: theory of every mixed platoon in every case of delays.
+        advice: for every entry, delay and parameter that it names.
+        findings: what matters most, a sentence each.
+        trade_offs: where being better at one thing goes with being worse at another, a sentence each.
+    """
 
     board: Board
     scores: tuple[Score, ...]
@@ -36,11 +46,11 @@ class Outcome:
         return hashlib.sha256("\n".join(c.scenario_hash for c in self.board.cells).encode()).hexdigest()
 
     def held(self) -> dict[str, dict[str, float]]:
-        """The largest delay [s] of the sweep up to which each criterion holds, by entry; NaN if not even without."""
+        """Return by entry and criterion the largest delay [s] of the sweep at which it holds; NaN if at none."""
         return {s.who: {c.name: held(self.board, s.who, c) for c in CRITERIA} for s in self.scores}
 
     def table(self) -> str:
-        """All cells as CSV, one row each, all digits."""
+        """Return all cells as CSV, one row each, with all digits."""
         names = [f.name for f in fields(self.board.cells[0]) if f.name not in ("values", "reason")]
         heads = [f"{n} [s]" if n in ("onboard", "radio") else n for n in names]
         heads += [f"{n} [{m.unit}]" if m.unit != "1" else n for n, m in MEASURES.items()]
@@ -53,7 +63,7 @@ class Outcome:
         return text.getvalue()
 
     def as_json(self) -> dict[str, Any]:
-        """The findings as plain tables."""
+        """Return scores, theory, advice and findings as plain tables for JSON; what does not exist is null or NaN."""
         reached = self.held()
         return {
             "scores": [
@@ -75,9 +85,14 @@ class Outcome:
         }  # fmt: skip
 
 
-def compare(benchmark: Benchmark, progress: Progress | None = None) -> Outcome:
-    """Run a benchmark and draw all conclusions; `progress` is told how many of how many cells are done."""
-    board = run(benchmark, progress)
+def run_benchmark(benchmark: Benchmark, progress: Progress | None = None) -> Outcome:
+    """Run a benchmark and draw all conclusions.
+
+    Args:
+        benchmark: what to run, see `headway.benchmark.spec.load_benchmark`.
+        progress: called with the number of cells that are done and the number of all.
+    """
+    board = run_board(benchmark, progress)
     theory = of_entries(board)
     advice = advise(board)
     scores = scoreboard(board, PUBLISHED)

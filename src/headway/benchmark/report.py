@@ -1,4 +1,4 @@
-"""The benchmark as a report: everything that it found, the rules, the parameters and the sources."""
+"""The benchmark as a report: outcome, rules, parameters and sources."""
 
 from __future__ import annotations
 
@@ -32,7 +32,12 @@ Row = tuple[str | float, ...]
 
 
 def benchmark_report(outcome: Outcome, files: dict[str, bytes | str] | None = None) -> Report:
-    """The report of a benchmark; `files` are put beside it as they are."""
+    """Return the report of a benchmark.
+
+    Args:
+        outcome: the outcome of the benchmark.
+        files: contents by name of files that are put beside the report.
+    """
     sections = [
         _scoreboard(outcome),
         _advice(outcome),
@@ -73,7 +78,7 @@ def _scoreboard(outcome: Outcome) -> Section:
         f"Mean ranks of {len(outcome.scores)} models in {len(CRITERIA)} criteria, a panel for each case of delays",
         "Mean ranks for each case of delays; dark is better.",
     )
-    return Section("Scoreboard", (*blocks, picture, _kept(board, PUBLISHED), _worst(board, PUBLISHED)), "scoreboard")
+    return Section("Scoreboard", (*blocks, picture, _holding(board, PUBLISHED), _worst(board, PUBLISHED)), "scoreboard")
 
 
 def _ranks(scores: Sequence[Score], caption: str) -> Table:
@@ -83,14 +88,14 @@ def _ranks(scores: Sequence[Score], caption: str) -> Table:
 
 
 def _groups(board: Board, view: str) -> Iterator[tuple[str, str, list[Cell]]]:
-    """(entry, delays, cells) of a view."""
+    """Yield (entry, delays, cells) of a view."""
     for name in dict.fromkeys(c.who for c in board.select(view)):
         for case in board.benchmark.cases:
             yield name, case.name, board.select(view, case.name, name)
 
 
-def _kept(board: Board, view: str) -> Table:
-    """In how many disturbances each criterion holds."""
+def _holding(board: Board, view: str) -> Table:
+    """Return the table in how many disturbances each criterion holds."""
     rows: list[Row] = []
     for name, delays, cells in _groups(board, view):
         counts = [sum(bool(holds([c], criterion)) for c in cells) for criterion in CRITERIA]
@@ -103,7 +108,7 @@ def _kept(board: Board, view: str) -> Table:
 
 
 def _worst(board: Board, view: str) -> Table:
-    """The worst value of each criterion over all disturbances."""
+    """Return the table of the worst value of each criterion over all disturbances."""
     rows: list[Row] = []
     for name, delays, cells in _groups(board, view):
         clear = [c for c in cells if not c.reason and not c.collided]
@@ -153,9 +158,10 @@ def _theory(outcome: Outcome) -> Section:
         string = next(c for c in CRITERIA if c.measure == "growth")
         hit = sum(c.collided for c in cells)
         simulated = worst(cells, string)
-        verdict = t.reason or (
-            "string stable" if t.string_stable else "string unstable" if t.locally_stable else "locally unstable"
-        )
+        if t.locally_stable is False:
+            verdict = "locally unstable"
+        else:
+            verdict = t.reason or ("string stable" if t.string_stable else "string unstable")
         rows.append(
             (
                 t.who,
@@ -194,7 +200,7 @@ def _theory(outcome: Outcome) -> Section:
     )
     picture = Illustration(
         "gains",
-        figures.gains(outcome.board, outcome.theory),
+        figures.gain_curves(outcome.board, outcome.theory),
         "Gain per vehicle against frequency for each model by theory, with the simulated growth at one frequency",
         "Lines: |G(iω)| by exact theory (none where a model is locally unstable). Circles: the growth simulated behind "
         "the sine, where nobody collides.",
@@ -231,7 +237,7 @@ def _robustness(outcome: Outcome) -> Section:
 
 
 def _until(board: Board, who: str, criterion: Criterion) -> str:
-    """How far a criterion holds, and behind which leaders it is lost."""
+    """Say how far a criterion holds, and behind which leaders it is lost."""
     reached, gone = held(board, who, criterion), lost(board, who, criterion)
     if not gone:
         return f"≥ {reached:g}"
@@ -269,21 +275,24 @@ def _mixed(outcome: Outcome) -> Iterator[Section]:
 
 def _fairness(outcome: Outcome) -> Section:
     board, b = outcome.board, outcome.board.benchmark
-    gaps = [t.gap for t in outcome.theory if not t.reason]
-    kept = f", here from {min(gaps):.3g} to {max(gaps):.3g} m," if gaps else ""
-    told = [
-        f"Published parameters were fitted for different purposes and keep different distances{kept} and who keeps "
-        "more has an easier life. In this second view every entry is tuned to the same equilibrium gap, "
+    gaps = [t.gap for t in outcome.theory if math.isfinite(t.gap)]
+    distances = f", here from {min(gaps):.3g} to {max(gaps):.3g} m," if gaps else ""
+    paragraphs = [
+        f"Published parameters were fitted for different purposes and keep different distances{distances} and who "
+        "keeps more has an easier life. In this second view every entry is tuned to the same equilibrium gap, "
         f"{b.gap:g} m at {b.speed:g} m/s, by one common factor on the parameters that set its gap; all else stays as "
         "published.",
         *(f"- **{name}** could not be tuned: {why}" for name, why in board.untuned.items()),
     ]
     rows = tuple((name, _changes(b.entry(name), entry)) for name, entry in board.tuned.items())
-    blocks: list[Block] = [Text(tuple(told)), Table(("model", "changed"), rows, "What tuning changed", sortable=False)]
+    blocks: list[Block] = [
+        Text(tuple(paragraphs)),
+        Table(("model", "changed"), rows, "What tuning changed", sortable=False),
+    ]
     scores = scoreboard(board, TUNED)
     if scores:
         blocks.append(_ranks(scores, "Mean ranks at the same gap and speed, all delays"))
-        blocks += [_kept(board, TUNED), _worst(board, TUNED)]
+        blocks += [_holding(board, TUNED), _worst(board, TUNED)]
         orders = [", ".join(s.who for s in group) for group in (_without_robustness(outcome), scores)]
         same = (
             "the order of the entries stays the same"

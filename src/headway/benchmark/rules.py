@@ -1,4 +1,4 @@
-"""What a benchmark rests on: its rules, its entries with every parameter, where all comes from."""
+"""The basis of a benchmark: its rules, its entries with every parameter, and the sources."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PLATOONS = (
 _NUMBERS = (
     "Trajectories are integrated by a Runge-Kutta method of order 4 with steps of at most {b.dt:g} s that end on every "
     "breaking point of the delays; stops and starts are found as events; a collision ends the run of that follower and "
-    "of all behind it. Measures are made of samples every {b.output_step:g} s, extremes refined between them."
+    "of all behind it. Measures use samples every {b.output_step:g} s, extremes refined between them."
 )
 _MEASURED = (
     "Growth is that of the worst vehicle: behind leaders that repeat themselves the ratio of fundamentals in the last "
@@ -38,6 +38,7 @@ _MEASURED = (
 
 
 def methods(outcome: Outcome) -> Section:
+    """Return the rules and methods of a benchmark: criteria, delays, disturbances and measures."""
     b = outcome.board.benchmark
     criteria = Table(
         ("criterion", "holds if", "measure", "after"),
@@ -72,14 +73,15 @@ def methods(outcome: Outcome) -> Section:
 
 
 def _fields_of(leader: Disturbance) -> str:
-    """The parameters of a leader in one line; a file by its name alone."""
+    """Write the parameters of a leader in one line; a file by its name alone."""
     described: Any = leader  # all kinds are dataclasses
-    given = {f.name: getattr(described, f.name) for f in fields(described)}
-    said = {n: Path(v).name if n == "file" and v else v for n, v in given.items() if v not in (None, ())}
-    return ", ".join(f"{n} = {v:.6g}" if isinstance(v, float) else f"{n} = {v}" for n, v in said.items())
+    values = {f.name: getattr(described, f.name) for f in fields(described)}
+    settings = {n: Path(v).name if n == "file" and v else v for n, v in values.items() if v not in (None, ())}
+    return ", ".join(f"{n} = {v:.6g}" if isinstance(v, float) else f"{n} = {v}" for n, v in settings.items())
 
 
 def parameters(outcome: Outcome) -> Section:
+    """Return the entries of a benchmark with all their parameters and where these come from."""
     rows: list[Row] = []
     for entry in outcome.board.benchmark.entries:
         for name, number in entry.model.items:
@@ -105,6 +107,7 @@ def parameters(outcome: Outcome) -> Section:
 
 
 def provenance(outcome: Outcome) -> dict[str, str]:
+    """Return versions, hashes and settings that reproduce a benchmark, by name."""
     b = outcome.board.benchmark
     return {
         "headway": __version__,
@@ -116,8 +119,9 @@ def provenance(outcome: Outcome) -> dict[str, str]:
 
 
 def citations(board: Board) -> tuple[str, ...]:
+    """Return the publications that laws, criteria and disturbances of a benchmark come from."""
     laws = [e.model.law for e in board.benchmark.entries]
-    found = [law.source + (f", doi:{law.doi}" if law.doi else "") for law in laws if law.source]
-    found += [c.source for c in CRITERIA if c.source != OWN]
-    found += [c.leader.source for c in board.benchmark.courses if c.leader.source]
-    return tuple(dict.fromkeys(found))
+    sources = [law.source + (f", doi:{law.doi}" if law.doi else "") for law in laws if law.source]
+    sources += [c.source for c in CRITERIA if c.source != OWN]
+    sources += [c.leader.source for c in board.benchmark.courses if c.leader.source]
+    return tuple(dict.fromkeys(sources))

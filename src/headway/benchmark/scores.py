@@ -21,19 +21,19 @@ __all__ = [
     "ROBUSTNESS",
     "Criterion",
     "Score",
+    "criterion_value",
     "held",
     "holds",
     "lost",
     "robustness",
     "scoreboard",
-    "value",
     "worst",
 ]
 
-#: what a ratio may exceed 1 by: records end, and measures are made of samples
+#: what a ratio may exceed 1 by: records end and are sampled
 TOLERANCE = 1e-3
 
-#: the same of energies, which are good to two thousandths of their size at the samples of a board
+#: tolerance of energies, which are good to two thousandths of their size at the samples of a board
 ENERGY_TOLERANCE = 5e-3
 
 #: source of a rule that is this program's
@@ -45,7 +45,18 @@ ROBUSTNESS = "robustness to delay"
 
 @dataclass(frozen=True)
 class Criterion:
-    """What is asked of a follower: its measure (`short` names it), the bound, and whether more of it is better."""
+    """A property of a good follower: how it is measured and when it holds.
+
+    Attributes:
+        name: of the criterion.
+        short: name of its measure in tables.
+        measure: key of `headway.benchmark.measures.MEASURES`.
+        bound: of the measure, in its unit.
+        more: whether more of it is better, so that the bound is a lower one.
+        rule: the criterion in words.
+        source: publication of the rule, or `OWN`.
+        tolerance: what the measure may exceed an upper bound by.
+    """
 
     name: str
     short: str
@@ -57,7 +68,7 @@ class Criterion:
     tolerance: float = TOLERANCE
 
     def meets(self, number: float) -> bool:
-        """Whether a measured number is within the bound."""
+        """Whether a measured number, in the unit of the measure, is within the bound."""
         return number >= self.bound if self.more else number <= self.bound + self.tolerance
 
 
@@ -113,41 +124,76 @@ CRITERIA: tuple[Criterion, ...] = (
 
 @dataclass(frozen=True)
 class Score:
-    """Mean rank by criterion (1 is best; robustness included where delays were swept) and their mean."""
+    """Mean ranks of one entry.
+
+    Attributes:
+        who: name of the entry.
+        ranks: mean rank by criterion, 1 is best; NaN where it has none. Robustness is among them where delays
+            were swept.
+    """
 
     who: str
     ranks: dict[str, float]
 
     @property
     def overall(self) -> float:
-        """Mean over the criteria, each of the same weight."""
-        known = [r for r in self.ranks.values() if math.isfinite(r)]
-        return sum(known) / len(known) if known else math.nan
+        """Mean over the criteria, each with the same weight; NaN without ranks."""
+        finite = [r for r in self.ranks.values() if math.isfinite(r)]
+        return sum(finite) / len(finite) if finite else math.nan
 
 
-def value(cell: Cell, criterion: Criterion) -> float:
-    """What counts for a criterion: its measure, infinitely bad after a collision or where the cell could not be run."""
+def criterion_value(cell: Cell, criterion: Criterion) -> float:
+    """Return the value of a cell that counts for a criterion.
+
+    Args:
+        cell: the cell.
+        criterion: the criterion.
+
+    Returns:
+        The measure; infinitely bad (0 where more is better) after a collision or where the cell could not be run.
+    """
     if cell.reason or cell.collided:
         return 0.0 if criterion.more else math.inf
     return cell.values[criterion.measure]
 
 
 def holds(cells: Iterable[Cell], criterion: Criterion) -> bool:
-    """Whether a criterion holds in all cells that have a value for it, and there is one."""
-    known = [v for c in cells if not math.isnan(v := value(c, criterion))]
-    return bool(known) and all(map(criterion.meets, known))
+    """Whether a criterion holds in all cells that have a value for it, and at least one has.
+
+    Args:
+        cells: the cells.
+        criterion: the criterion.
+    """
+    values = [v for c in cells if not math.isnan(v := criterion_value(c, criterion))]
+    return bool(values) and all(map(criterion.meets, values))
 
 
 def worst(cells: Iterable[Cell], criterion: Criterion) -> float:
-    """The worst value among cells that were run without a collision; NaN if there is none."""
-    known = [v for c in cells if not c.reason and not c.collided and not math.isnan(v := value(c, criterion))]
-    if not known:
+    """Return the worst value of a criterion among cells that were run without a collision; NaN without such cells.
+
+    Args:
+        cells: the cells.
+        criterion: the criterion.
+    """
+    values = [
+        v for c in cells if not c.reason and not c.collided and not math.isnan(v := criterion_value(c, criterion))
+    ]
+    if not values:
         return math.nan
-    return min(known) if criterion.more else max(known)
+    return min(values) if criterion.more else max(values)
 
 
 def held(board: Board, who: str, criterion: Criterion) -> float:
-    """The largest delay [s] of the sweep up to which a criterion holds in all swept disturbances; NaN if not even 0."""
+    """Return the largest delay [s] of the sweep up to which a criterion holds in all swept disturbances.
+
+    Args:
+        board: the cells of a benchmark.
+        who: name of an entry.
+        criterion: the criterion.
+
+    Returns:
+        The delay; NaN where the criterion does not hold even at the first one.
+    """
     longest = math.nan
     cells = board.select(PUBLISHED, SWEEP, who)
     for delay in board.benchmark.sweep:
@@ -159,7 +205,16 @@ def held(board: Board, who: str, criterion: Criterion) -> float:
 
 
 def lost(board: Board, who: str, criterion: Criterion) -> list[str]:
-    """The disturbances behind which a criterion is lost at the first delay of the sweep at which it does not hold."""
+    """Return the disturbances behind which a criterion is lost first as the delay grows.
+
+    Args:
+        board: the cells of a benchmark.
+        who: name of an entry.
+        criterion: the criterion.
+
+    Returns:
+        Names of disturbances at the first delay at which the criterion does not hold in all of them.
+    """
     reached = held(board, who, criterion)
     later = [t for t in board.benchmark.sweep if math.isnan(reached) or t > reached]
     cells = [c for c in board.select(PUBLISHED, SWEEP, who) if later and c.onboard == later[0]]
@@ -167,47 +222,61 @@ def lost(board: Board, who: str, criterion: Criterion) -> list[str]:
 
 
 def scoreboard(board: Board, view: str, delays: Sequence[str] | None = None) -> tuple[Score, ...]:
-    """Mean ranks of all entries of a view, over all its cells or those of some cases of delays; best first."""
+    """Return the mean ranks of all entries of a view, best first.
+
+    Args:
+        board: the cells of a benchmark.
+        view: one of the views of `headway.benchmark.cells`.
+        delays: names of the cases of delays that count; all cases if None.
+    """
     cases = [c.name for c in board.benchmark.cases] if delays is None else list(delays)
     cells = [c for c in board.cells if c.view == view and c.delays in cases]
     names = list(dict.fromkeys(c.who for c in cells))
-    found: dict[str, dict[str, float]] = {name: {} for name in names}
+    means: dict[str, dict[str, float]] = {name: {} for name in names}
     places: dict[tuple[str, str], list[Cell]] = {}
     for cell in cells:
         places.setdefault((cell.course, cell.delays), []).append(cell)
     for criterion in CRITERIA:
         collected: dict[str, list[float]] = {name: [] for name in names}
         for there in places.values():
-            numbers = [value(c, criterion) for c in there]
+            numbers = [criterion_value(c, criterion) for c in there]
             for cell, rank in zip(there, _ranks(numbers, criterion.more), strict=True):
                 collected[cell.who].append(rank)
         for name, ranks in collected.items():
-            known = [r for r in ranks if math.isfinite(r)]
-            found[name][criterion.name] = sum(known) / len(known) if known else math.nan
+            finite = [r for r in ranks if math.isfinite(r)]
+            means[name][criterion.name] = sum(finite) / len(finite) if finite else math.nan
     if view == PUBLISHED and delays is None and any(c.delays == SWEEP for c in board.cells):
         reached = [robustness(board, name) for name in names]
         for name, rank in zip(names, _ranks(reached, more=True), strict=True):
-            found[name][ROBUSTNESS] = rank
-    scores = [Score(name, ranks) for name, ranks in found.items()]
+            means[name][ROBUSTNESS] = rank
+    scores = [Score(name, ranks) for name, ranks in means.items()]
     return tuple(sorted(scores, key=lambda s: (math.isnan(s.overall), s.overall)))
 
 
 def robustness(board: Board, who: str) -> float:
-    """Mean over the criteria of the delay [s] up to which each holds; a criterion that never holds counts as 0."""
+    """Return the mean over the criteria of the delay [s] up to which each holds.
+
+    Args:
+        board: the cells of a benchmark.
+        who: name of an entry.
+
+    Returns:
+        The delay; a criterion that never holds counts as 0.
+    """
     reached = [held(board, who, c) for c in CRITERIA]
     return float(np.mean(np.nan_to_num(reached)))
 
 
 def _ranks(numbers: Sequence[float], more: bool) -> list[float]:
-    """Ranks from 1, the mean of their places for equals; NaN for what is not a number."""
+    """Return ranks from 1, for equals the mean of their places; NaN for what is not a number."""
     from scipy.stats import rankdata
 
     array = np.asarray(numbers, dtype=float)
-    known = ~np.isnan(array)
+    present = ~np.isnan(array)
     # what differs by rounding only is equal
     with np.errstate(all="ignore"):
-        kept = np.where(np.isfinite(array), np.round(array, 9), array)
+        rounded = np.where(np.isfinite(array), np.round(array, 9), array)
     ranks = np.full(array.size, np.nan)
-    if known.any():
-        ranks[known] = rankdata(-kept[known] if more else kept[known])
+    if present.any():
+        ranks[present] = rankdata(-rounded[present] if more else rounded[present])
     return ranks.tolist()

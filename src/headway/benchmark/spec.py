@@ -27,8 +27,14 @@ __all__ = ["Benchmark", "Course", "Entry", "Late", "MixedPlatoon", "load_benchma
 class Entry:
     """A competitor: a model, its vehicle, and which of its signals are late.
 
-    late: the signals that a delay makes late; start_gap: gap [m] at the start, None for the equilibrium;
-    tune: parameters that are scaled together to reach a common gap; adjust: parameters that guidance asks for.
+    Attributes:
+        name: of the entry.
+        vehicle: the vehicle without delays.
+        late: signals that the delays of the benchmark apply to.
+        start_gap: gap [m] at the start; None for the equilibrium.
+        tune: parameters that are scaled together to reach a common gap.
+        adjust: parameters that guidance is about.
+        note: where its values come from.
     """
 
     name: str
@@ -41,25 +47,35 @@ class Entry:
 
     @property
     def model(self) -> Model:
-        """Its law with its parameters."""
+        """The law of the entry with its parameters."""
         model: Model = self.vehicle.model
         return model
 
     @property
     def by_radio(self) -> bool:
-        """Whether what is late arrives by radio."""
+        """Whether the late signals arrive by radio."""
         return bool(RADIO & set(self.late))
 
     def delay(self, onboard: float, radio: float) -> float:
-        """Its delay [s] where on-board signals and radio are so late."""
+        """Return the delay [s] of the late signals.
+
+        Args:
+            onboard: delay of on-board signals [s].
+            radio: delay of radio signals [s].
+        """
         return radio if self.by_radio else onboard
 
     def behind(self, onboard: float, radio: float) -> Vehicle:
-        """Its vehicle with these delays [s]."""
+        """Return the vehicle with its delay; see `delay`.
+
+        Args:
+            onboard: delay of on-board signals [s].
+            radio: delay of radio signals [s].
+        """
         return self.with_delay(self.delay(onboard, radio))
 
     def with_delay(self, seconds: float) -> Vehicle:
-        """Its vehicle with its late signals `seconds` late."""
+        """Return the vehicle with its late signals `seconds` [s] late."""
         return dataclasses.replace(self.vehicle, delay=dict.fromkeys(self.late, seconds))
 
 
@@ -74,9 +90,14 @@ class Late:
 
 @dataclass(frozen=True)
 class Course:
-    """A disturbance: a leader and how long it is followed [s].
+    """A disturbance: a leader and how long it is followed.
 
-    `sweep` if the delays are swept behind it, `quick` if it is part of the short form.
+    Attributes:
+        name: of the disturbance.
+        leader: the leader.
+        duration: [s] for which it is followed.
+        sweep: whether delays are swept behind it.
+        quick: whether it is part of the short form.
     """
 
     name: str
@@ -88,7 +109,12 @@ class Course:
 
 @dataclass(frozen=True)
 class MixedPlatoon:
-    """A mixed platoon: names of entries, front to back."""
+    """A mixed platoon.
+
+    Attributes:
+        name: of the platoon.
+        order: names of entries, front to back.
+    """
 
     name: str
     order: tuple[str, ...]
@@ -114,7 +140,20 @@ class _Numbers:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Everything that a board is made of; see docs/benchmark.md."""
+    """Everything that a board consists of; see docs/benchmark.md.
+
+    Attributes:
+        entries: the competitors.
+        courses: the disturbances.
+        cases: the cases of delays.
+        platoons: the mixed platoons.
+        followers: number of vehicles behind each leader.
+        speed: [m/s] of theory, advice and tuning.
+        gap: [m] that entries are tuned to at that speed.
+        dt: longest step [s].
+        output_step: distance of samples [s].
+        sweep: rising delays [s], swept behind some disturbances.
+    """
 
     entries: tuple[Entry, ...]
     courses: tuple[Course, ...]
@@ -128,11 +167,11 @@ class Benchmark:
     sweep: tuple[float, ...]
 
     def entry(self, name: str) -> Entry:
-        """The entry of this name."""
+        """Return the entry of this name."""
         return next(e for e in self.entries if e.name == name)
 
     def quick(self) -> Benchmark:
-        """A short form: the disturbances that are marked `quick`, else the first, and few delays of the sweep."""
+        """Return a short form: the disturbances marked `quick`, else the first, and few delays of the sweep."""
         chosen = tuple(c for c in self.courses if c.quick)
         step = max(1, (len(self.sweep) - 1) // 3)
         return dataclasses.replace(self, courses=chosen or self.courses[:1], sweep=self.sweep[::step])
@@ -151,11 +190,16 @@ _KEYS = ("without", *field_names(_Numbers), *_LISTS)
 def load_benchmark(
     path: str | os.PathLike[str] | None = None, laws: Iterable[Law] = (), leaders: Iterable[str | os.PathLike[str]] = ()
 ) -> Benchmark:
-    """The standard benchmark, joined by what the TOML file at `path` holds, if any, and by recorded `leaders`.
+    """Read the standard benchmark and a file that joins it.
 
-    `laws` are laws of one's own that the file may ask for. Entries of the file join the standard ones; one of
-    the same name takes its place, and `without` takes entries out. Raises `HeadwayError` that names the
-    place for everything that is not allowed.
+    Args:
+        path: a TOML file whose entries join the standard ones; one of the same name takes its place, and `without`
+            takes entries out. The standard benchmark alone if None.
+        laws: laws of one's own that the file may name.
+        leaders: files of recorded leaders that join the disturbances.
+
+    Raises:
+        HeadwayError: naming the place, for everything that is not allowed.
     """
     laws = tuple(laws)
     text = (resources.files(__package__) / "standard.toml").read_text(encoding="utf-8")
@@ -166,30 +210,30 @@ def load_benchmark(
         if key not in _KEYS:
             raise unknown_name(f"key in {path}", key, _KEYS)
     without = _names(own.get("without", []), "without")
-    found: dict[str, dict[str, Any]] = {}
+    lists: dict[str, dict[str, Any]] = {}
     for kind in _LISTS:
         rows: dict[str, Any] = {}
         for table, place in ((standard, Path()), (own, folder)):
             for i, row in enumerate(_rows(table.get(kind, []), kind)):
-                made = _made(kind, row, f"{kind}.{i}", laws, place)
-                rows[made.name] = made
-        found[kind] = rows
+                item = _item(kind, row, f"{kind}.{i}", laws, place)
+                rows[item.name] = item
+        lists[kind] = rows
     for i, leader in enumerate(leaders):
-        name = Path(leader).stem if i == 0 and Path(leader).stem not in found["disturbances"] else f"recorded {i + 1}"
+        name = Path(leader).stem if i == 0 and Path(leader).stem not in lists["disturbances"] else f"recorded {i + 1}"
         recorded = Recorded(file=str(leader))
-        found["disturbances"][name] = Course(name, recorded, recorded.span, sweep=False, quick=True)
+        lists["disturbances"][name] = Course(name, recorded, recorded.span, sweep=False, quick=True)
     for name in without:
-        if not any(rows.pop(name, None) for rows in found.values()):
-            raise unknown_name("without", name, [n for rows in found.values() for n in rows])
+        if not any(rows.pop(name, None) for rows in lists.values()):
+            raise unknown_name("without", name, [n for rows in lists.values() for n in rows])
     numbers = build(_Numbers, {k: v for k, v in {**standard, **own}.items() if k in field_names(_Numbers)}, "benchmark")
     for kind in ("models", "disturbances", "delays"):
-        if not found[kind]:
+        if not lists[kind]:
             raise HeadwayError(f"benchmark: no {kind} are left; take some names out of without")
-    platoons = _platoons(found["platoons"], found["models"], without)
+    platoons = _platoons(lists["platoons"], lists["models"], without)
     return Benchmark(
-        entries=tuple(found["models"].values()),
-        courses=tuple(found["disturbances"].values()),
-        cases=tuple(found["delays"].values()),
+        entries=tuple(lists["models"].values()),
+        courses=tuple(lists["disturbances"].values()),
+        cases=tuple(lists["delays"].values()),
         platoons=platoons,
         **{name: getattr(numbers, name) for name in field_names(_Numbers)},
     )
@@ -201,7 +245,7 @@ def _rows(value: Any, kind: str) -> list[Mapping[str, Any]]:
     return value
 
 
-def _made(kind: str, row: Mapping[str, Any], place: str, laws: tuple[Law, ...], folder: Path) -> Any:
+def _item(kind: str, row: Mapping[str, Any], place: str, laws: tuple[Law, ...], folder: Path) -> Any:
     for key in row:
         if key not in _LISTS[kind]:
             raise unknown_name(f"key in {place}", key, _LISTS[kind])
@@ -243,7 +287,7 @@ def _entry(row: Mapping[str, Any], place: str, laws: tuple[Law, ...]) -> Entry:
 
 
 def _usually_late(law: Law) -> tuple[str, ...]:
-    """The radio signals of a law that hears any, else all that it perceives on board."""
+    """Return the radio signals of a law that hears any, else all signals on board."""
     radio = tuple(s for s in law.signals if s in RADIO)
     return radio or law.signals
 
@@ -267,14 +311,14 @@ def _course(row: Mapping[str, Any], place: str, folder: Path) -> Course:
 def _platoons(
     rows: Mapping[str, MixedPlatoon], entries: Mapping[str, Entry], without: tuple[str, ...]
 ) -> tuple[MixedPlatoon, ...]:
-    kept = []
+    platoons = []
     for platoon in rows.values():
         if not set(platoon.order) & set(without):
             for name in platoon.order:
                 if name not in entries:
                     raise unknown_name(f"platoon {platoon.name!r}", name, entries)
-            kept.append(platoon)
-    return tuple(kept)
+            platoons.append(platoon)
+    return tuple(platoons)
 
 
 def _names(value: Any, place: str) -> tuple[str, ...]:

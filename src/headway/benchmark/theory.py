@@ -9,28 +9,43 @@ from dataclasses import dataclass
 
 from headway.benchmark.cells import PUBLISHED, Board
 from headway.benchmark.spec import Benchmark, Course, Entry, Late
-from headway.errors import HeadwayError
+from headway.errors import HeadwayError, LeaderHeardError
 from headway.metrics import throughput
 from headway.theory.linear import Linear, linearize
 from headway.theory.platoon import Chain
 
-__all__ = ["Mixed", "Theory", "gain_at", "linear", "of_entries", "of_platoons", "steady"]
+__all__ = ["Mixed", "Theory", "gain_at", "linear", "of_entries", "of_platoons", "steady_course"]
 
 
 @dataclass(frozen=True)
 class Theory:
-    """What linear theory says of an entry with late signals, and the growth measured behind the steady oscillation.
+    """Linear theory of an entry with late signals, and the growth measured behind the steady oscillation.
 
-    gain: |G(iω)| at the frequency of `steady`; measured: the worst growth simulated there, NaN after a
-    collision; critical delays in seconds of the entry's own late signals; flow in vehicles per hour.
+    Numbers that do not exist are NaN, verdicts that do not exist None: without an equilibrium all of them, and the
+    string verdict of a law that hears the platoon leader, for which no growth per vehicle is defined.
+
+    Attributes:
+        who: name of the entry.
+        delays: name of the case of delays.
+        gap: equilibrium gap [m].
+        flow: of a platoon of such vehicles [vehicles/h].
+        locally_stable: whether a disturbance of one vehicle dies down.
+        string_stable: whether no frequency grows from vehicle to vehicle.
+        peak_gain: sup |G|.
+        peak_frequency: [rad/s] where that is.
+        gain: |G(iω)| at the frequency of `steady_course`.
+        measured: the worst growth simulated there, NaN after a collision.
+        critical_local: delay [s] of the late signals at which local stability is lost.
+        critical_string: delay [s] of the late signals at which string stability is lost.
+        reason: why there is no string verdict; else empty.
     """
 
     who: str
     delays: str
     gap: float
     flow: float
-    locally_stable: bool
-    string_stable: bool
+    locally_stable: bool | None
+    string_stable: bool | None
     peak_gain: float
     peak_frequency: float
     gain: float
@@ -42,76 +57,114 @@ class Theory:
 
 @dataclass(frozen=True)
 class Mixed:
-    """The same of a mixed platoon: strict verdict and the gain from the leader to the last vehicle."""
+    """Linear theory of a mixed platoon.
+
+    Attributes:
+        who: name of the platoon.
+        delays: name of the case of delays.
+        strict: whether every vehicle is string stable; None where that is not defined.
+        head_to_tail_gain: largest gain from the leader to the last vehicle; NaN without an equilibrium.
+        frequency: [rad/s] where that is.
+        reason: why there is no verdict; else empty.
+    """
 
     who: str
     delays: str
-    strict: bool
+    strict: bool | None
     head_to_tail_gain: float
     frequency: float
     reason: str = ""
 
 
-def steady(benchmark: Benchmark) -> Course | None:
-    """The disturbance that one frequency of linear theory describes: the first that is a sine for ever."""
+def steady_course(benchmark: Benchmark) -> Course | None:
+    """Return the disturbance that one frequency of linear theory describes, the first endless sine; None without one.
+
+    Args:
+        benchmark: whose disturbances.
+    """
     return next((c for c in benchmark.courses if c.leader.harmonic and c.leader.fundamental is not None), None)
 
 
 def linear(entry: Entry, seconds: float, speed: float) -> Linear:
-    """Linear theory of an entry with its late signals `seconds` late, at `speed` [m/s]."""
+    """Return linear theory of an entry with its late signals late.
+
+    Args:
+        entry: the entry.
+        seconds: delay of its late signals [s].
+        speed: of everybody [m/s].
+
+    Raises:
+        HeadwayError: without an equilibrium.
+    """
     return linearize(entry.with_delay(seconds), speed, entry.start_gap)
 
 
 def gain_at(entry: Entry, seconds: float, speed: float, omega: float) -> float:
-    """|G(iω)| of an entry; NaN if it has no equilibrium at `speed` or is locally unstable."""
+    """Return the gain per vehicle of an entry at one frequency.
+
+    Args:
+        entry: the entry.
+        seconds: delay of its late signals [s].
+        speed: of everybody [m/s].
+        omega: frequency [rad/s].
+
+    Returns:
+        |G(iω)|; NaN without an equilibrium, if locally unstable, or where no growth per vehicle is defined.
+    """
     try:
-        found = linear(entry, seconds, speed)
+        vehicle = linear(entry, seconds, speed)
     except HeadwayError:
         return math.nan
-    return float(found.gain(omega)) if found.locally_stable else math.nan
+    return float(vehicle.gain(omega)) if vehicle.locally_stable and not vehicle.hears_leader else math.nan
 
 
 def of_entries(board: Board) -> tuple[Theory, ...]:
-    """Theory of every entry in every case of delays."""
+    """Return theory of every entry in every case of delays.
+
+    Args:
+        board: the cells of a benchmark.
+    """
     b = board.benchmark
     return tuple(_one(board, entry, case) for entry in b.entries for case in b.cases)
 
 
 def _one(board: Board, entry: Entry, case: Late) -> Theory:
     b, nothing = board.benchmark, math.nan
-    course = steady(b)
+    course = steady_course(b)
     measured = nothing
     if course is not None:
         cells = [c for c in board.select(PUBLISHED, case.name, entry.name) if c.course == course.name]
         measured = cells[0].values["growth"] if not cells[0].reason and not cells[0].collided else nothing
+    empty = Theory(
+        entry.name, case.name, gap=nothing, flow=nothing, locally_stable=None, string_stable=None, peak_gain=nothing,
+        peak_frequency=nothing, gain=nothing, measured=measured, critical_local=nothing, critical_string=nothing,
+    )  # fmt: skip
     try:
-        found = linear(entry, entry.delay(case.onboard, case.radio), b.speed)
-        late = linear(entry, 1.0, b.speed)  # the pattern whose critical delay is asked
-        omega = course.leader.fundamental if course is not None else None
-        return Theory(
-            who=entry.name,
-            delays=case.name,
-            gap=found.gap,
-            flow=throughput(found.vehicle, b.speed, gap=found.gap),
-            locally_stable=found.locally_stable,
-            string_stable=found.string_stable,
-            peak_gain=found.peak_gain,
-            peak_frequency=found.peak_frequency,
-            gain=float(found.gain(omega)) if omega is not None and found.locally_stable else nothing,
-            measured=measured,
-            critical_local=float(late.critical_delay("local")),
-            critical_string=float(late.critical_delay("string")),
-        )
+        own = linear(entry, entry.delay(case.onboard, case.radio), b.speed)
+        late = linear(entry, 1.0, b.speed)  # the pattern that a critical delay scales
     except HeadwayError as error:
-        numbers = dict.fromkeys((f.name for f in dataclasses.fields(Theory) if f.type == "float"), nothing)
-        return Theory(
-            **{**numbers, "measured": measured}, who=entry.name, delays=case.name,
-            locally_stable=False, string_stable=False, reason=str(error),
+        return dataclasses.replace(empty, reason=str(error))
+    local = dataclasses.replace(
+        empty, gap=own.gap, flow=throughput(own.vehicle, b.speed, gap=own.gap), locally_stable=own.locally_stable,
+        critical_local=float(late.critical_delay("local")),
+    )  # fmt: skip
+    omega = course.leader.fundamental if course is not None else None
+    try:
+        return dataclasses.replace(
+            local, string_stable=own.string_stable, peak_gain=own.peak_gain, peak_frequency=own.peak_frequency,
+            gain=float(own.gain(omega)) if omega is not None and own.locally_stable else nothing,
+            critical_string=float(late.critical_delay("string")),
         )  # fmt: skip
+    except LeaderHeardError as error:
+        return dataclasses.replace(local, reason=str(error))
 
 
 def of_platoons(board: Board) -> tuple[Mixed, ...]:
-    """Theory of every mixed platoon in every case of delays."""
+    """Return theory of every mixed platoon in every case of delays.
+
+    Args:
+        board: the cells of a benchmark.
+    """
     b = board.benchmark
     return tuple(
         _mixed(platoon.name, [b.entry(n) for n in platoon.order], case, b.speed)
@@ -126,7 +179,7 @@ def _mixed(name: str, entries: Sequence[Entry], case: Late, speed: float) -> Mix
         peak = chain.peak
         if chain.hears_leader:
             alone = "no verdict on single vehicles, one hears the platoon leader"
-            return Mixed(name, case.name, False, peak.gain, peak.frequency, alone)
+            return Mixed(name, case.name, None, peak.gain, peak.frequency, alone)
         return Mixed(name, case.name, chain.strictly_string_stable, peak.gain, peak.frequency)
     except HeadwayError as error:
-        return Mixed(name, case.name, False, math.nan, math.nan, str(error))
+        return Mixed(name, case.name, None, math.nan, math.nan, str(error))

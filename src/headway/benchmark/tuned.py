@@ -1,4 +1,4 @@
-"""The same entries with a common equilibrium gap at a common speed."""
+"""Tuning: entries with a common equilibrium gap at a common speed."""
 
 from __future__ import annotations
 
@@ -14,10 +14,15 @@ __all__ = ["tuned"]
 
 
 def tuned(entry: Entry, speed: float, gap: float) -> Entry:
-    """The entry whose equilibrium gap at `speed` [m/s] is `gap` [m].
+    """Return an entry with the parameters named in its `tune` multiplied by the factor that sets its gap.
 
-    The parameters named in `tune` are multiplied by one factor; an entry that rests at every gap starts at `gap`.
-    Raises `HeadwayError` if `tune` is empty or no factor within the bounds of the parameters does it.
+    Args:
+        entry: the entry; one that rests at every gap starts at `gap` instead.
+        speed: [m/s] of the equilibrium.
+        gap: [m] of the equilibrium.
+
+    Raises:
+        HeadwayError: if `tune` is empty, or no factor within the bounds of the parameters gives the gap.
     """
     if entry.start_gap is not None:
         return dataclasses.replace(entry, start_gap=gap)
@@ -32,8 +37,8 @@ def tuned(entry: Entry, speed: float, gap: float) -> Entry:
         except HeadwayError:
             return math.nan
 
-    known = [(x, y) for x in (i / 10 for i in range(-50, 51)) if math.isfinite(y := missing(x))]
-    for (a, ya), (b, yb) in pairwise(known):
+    samples = [(x, y) for x in (i / 10 for i in range(-50, 51)) if math.isfinite(y := missing(x))]
+    for (a, ya), (b, yb) in pairwise(samples):
         if ya <= 0 <= yb or yb <= 0 <= ya:
             factor = math.exp(root(missing, a, b, 1e-13))
             model = entry.model.replace(**{name: now[name] * factor for name in entry.tune})

@@ -35,10 +35,10 @@ def benchmark(
     described = load_benchmark(file, laws_of(model), leader or [])
     if quick:
         described = described.quick()
-    from headway.benchmark.outcome import compare
+    from headway.benchmark.outcome import run_benchmark
 
     with show.progress("simulating") as progress:
-        outcome = compare(described, progress)
+        outcome = run_benchmark(described, progress)
     from headway.benchmark.report import benchmark_report
     from headway.report import write
 
