@@ -59,7 +59,7 @@ def record(car: hw.Vehicle, seed: int = 0, noise: float = 1.0) -> hw.data.Record
 
 def truth(car: hw.Vehicle, name: str) -> float:
     """The value that a fit should find."""
-    return car.channel.longest if name == "delay" else car.model.parameters[name]
+    return car.perception.longest if name == "delay" else car.model.parameters[name]
 
 
 def one() -> dict[str, float]:

@@ -12,6 +12,7 @@ import numpy as np
 from headway.checked import typed
 from headway.errors import HeadwayError, RestsEverywhereError
 from headway.models.law import Law, Model
+from headway.models.signal import AHEAD, LEADER, OWN, SIGNALS, steady
 from headway.models.signs import wrong_sign
 
 __all__ = ["Check", "check_model"]
@@ -48,7 +49,8 @@ def _states(law: Law) -> Iterator[dict[str, float]]:
     for s, v, dv, a in itertools.product(
         (3.0, 12.0, 40.0, 120.0), (0.5, 8.0, 23.0, 33.0), (-4.0, 0.0, 3.0), (-1.0, 0.5)
     ):
-        state = {"s": s, "v": v, "dv": dv, "a": a, "vl": v + dv, "al": -a, "v0l": v + 0.5 * dv, "a0l": 0.2}
+        motions = {OWN: (0.0, v, a), AHEAD: (s, v + dv, -a), LEADER: (2.0 * s, v + 0.5 * dv, 0.2)}
+        state = {n: SIGNALS[n].value(motions) for n in law.signals}
         yield {n: state[n] for n in law.signals}
 
 
@@ -136,7 +138,7 @@ def _sign_of_dv(law: Law) -> str | None:
 def _derivatives(law: Law) -> str | None:
     model: Model = law()
     for speed, gap in _equilibria(law):
-        state = {n: {"s": gap, "v": speed, "vl": speed, "v0l": speed}.get(n, 0.0) for n in law.signals}
+        state = steady(law.signals, gap, speed)
         exact = model.partials(speed, gap)
         for n in law.signals:
             h = 1e-5 * max(1.0, abs(state[n]))

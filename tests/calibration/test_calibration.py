@@ -47,7 +47,7 @@ def test_what_made_the_data_is_found_again():
             record = made([car], seed=seed, **({"gaps": 25.0} if name == "gmm" else {}))
             fit = hw.calibrate(car, record, fit=names, seeds=1, refits=40)
             for n in names:
-                truth = {**car.model.parameters, "delay": car.channel.longest, "lag": car.lag}[n]
+                truth = {**car.model.parameters, "delay": car.perception.longest, "lag": car.lag}[n]
                 low, high = fit.intervals[n]
                 inside.append(low <= truth <= high)
                 off.append(abs(fit.values[n] - truth) / (high - low))

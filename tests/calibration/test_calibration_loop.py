@@ -58,7 +58,7 @@ def test_the_loop_agrees_with_simulate(name):
     space = Space.of(car, fit)
     (segment,) = cut(RECORDING, 1)[0]
     loop = Loop(space, [segment])
-    values = np.array([{**car.model.parameters, "delay": car.channel.longest, "lag": car.lag}[n] for n in fit])
+    values = np.array([{**car.model.parameters, "delay": car.perception.longest, "lag": car.lag}[n] for n in fit])
     # the vehicle in question between two others, so that lanes with different delays stand side by side
     others = np.stack((0.9 * values, values, 1.1 * values), axis=1)
     path, crash = loop.paths(space.unit(others))

@@ -11,6 +11,7 @@ import warnings
 import control
 import numpy as np
 import pytest
+from late import late
 
 import headway as hw
 from headway.models import CACC, FVDM, GMM, IDM, OVM
@@ -36,7 +37,7 @@ CASES = {
 
 def referee(vehicle, speed, gap):
     """From the speed of the vehicle ahead, `ahead`, to one's own, `own`, as a rational state-space system."""
-    f, late = vehicle.model.partials(speed, gap), vehicle.channel
+    f, delays = vehicle.model.partials(speed, gap), late(vehicle)
     command = "command"
     blocks = [control.ss(0, 1, 1, 0, inputs="rate", outputs="own")]
     if vehicle.lag > 0:
@@ -57,16 +58,16 @@ def referee(vehicle, speed, gap):
             control.summing_junction(["ahead", "-own"], "opening"),
             control.ss(0, 1, 1, 0, inputs="opening", outputs="gap"),
         ]
-        gains[delayed("gap", late.s, "late gap")] = f["s"]
+        gains[delayed("gap", delays.get("s", 0.0), "late gap")] = f["s"]
     if f.get("v"):
-        gains[delayed("own", late.v, "late own")] = f["v"]
+        gains[delayed("own", delays.get("v", 0.0), "late own")] = f["v"]
     if f.get("dv"):
-        gains[delayed("ahead", late.leader_speed_in_dv, "late ahead in dv")] = f["dv"]
-        gains[delayed("own", late.own_speed_in_dv, "late own in dv")] = -f["dv"]
+        gains[delayed("ahead", delays.get("dv ahead", 0.0), "late ahead in dv")] = f["dv"]
+        gains[delayed("own", delays.get("dv own", 0.0), "late own in dv")] = -f["dv"]
     if f.get("vl"):
-        gains[delayed("ahead", late.vl, "received speed")] = f["vl"]
+        gains[delayed("ahead", delays.get("vl", 0.0), "received speed")] = f["vl"]
     if f.get("al"):
-        gains[delayed("ahead", late.al, "received acceleration", derivative=True)] = f["al"]
+        gains[delayed("ahead", delays.get("al", 0.0), "received acceleration", derivative=True)] = f["al"]
     if f.get("a"):
         gains["rate"] = f["a"]
     blocks.append(control.ss([], [], [], [list(gains.values())], inputs=list(gains), outputs=command))

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from late import late
 
 from headway.engine.simulate import simulate
 from headway.errors import HeadwayError
@@ -106,10 +107,9 @@ def test_delays_are_applied_as_the_paper_reads(name):
     case, model = name.removeprefix("paper:").rsplit("-", 1)[0], name.split("-")[-1]
     cacc = "cacc" in name
     delay = 0.75 if "sweep" in case else {"0": 0.0, "150": 0.15, "real": 0.15 if cacc else 1.5}[name.split("-")[1]]
-    channel = library_scenario(name).followers[0].channel
-    dv = set() if model == "ovm" else {"leader_speed_in_dv", "own_speed_in_dv"}
-    late = {"vl", "al"} if cacc else {"s", "v"} | dv
-    assert {k: v for k, v in vars(channel).items() if v} == (dict.fromkeys(late, delay) if delay else {})
+    dv = set() if model == "ovm" else {"dv ahead", "dv own"}
+    signals = {"vl", "al"} if cacc else {"s", "v"} | dv
+    assert late(library_scenario(name).followers[0]) == (dict.fromkeys(signals, delay) if delay else {})
 
 
 def test_wltc_is_driven_without_collision():

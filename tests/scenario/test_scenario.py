@@ -14,12 +14,12 @@ import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from late import late
 from strategies import LEADERS, models
 
 import headway as hw
 from headway.library import library, library_scenario, library_table
 from headway.models import CACC, FVDM, GMM, IDM, OVM, IDMSpacing
-from headway.scenario.channel import Channel
 from headway.scenario.document import from_table, override, schema, to_table
 
 SINE = hw.sine(23, 2, 0.63)
@@ -262,32 +262,29 @@ def test_an_own_law_may_not_take_a_built_in_name():
         hw.from_toml(tomli_w.dumps(BASE), [mine])
 
 
-def channel(model, delay):
-    return {k: v for k, v in vars(hw.Vehicle(model, delay=delay).channel).items() if v}
-
-
 @pytest.mark.parametrize(
-    ("model", "delay", "late"),
+    ("model", "delay", "delays"),
     [
         (IDM, 0.0, {}),
         # a number delays all on-board signals of the law and none by radio
-        (IDM, 0.3, {"s": 0.3, "v": 0.3, "leader_speed_in_dv": 0.3, "own_speed_in_dv": 0.3}),
+        (IDM, 0.3, {"s": 0.3, "v": 0.3, "dv ahead": 0.3, "dv own": 0.3}),
         (OVM, 0.3, {"s": 0.3, "v": 0.3}),
-        (CACC, 0.3, {"s": 0.3, "v": 0.3, "a": 0.3, "leader_speed_in_dv": 0.3, "own_speed_in_dv": 0.3}),
+        (CACC, 0.3, {"s": 0.3, "v": 0.3, "a": 0.3, "dv ahead": 0.3, "dv own": 0.3}),
         # a mapping gives each signal its own; dv is measured as a whole
         (IDM, {"s": 0.3}, {"s": 0.3}),
-        (IDM, {"s": 0.3, "dv": 0.2}, {"s": 0.3, "leader_speed_in_dv": 0.2, "own_speed_in_dv": 0.2}),
+        (IDM, {"s": 0.3, "dv": 0.2}, {"s": 0.3, "dv ahead": 0.2, "dv own": 0.2}),
         # vl on a law that asks for dv: the leader's speed is late, own speed is as the law's v has it
-        (IDM, {"s": 0.3, "vl": 0.4}, {"s": 0.3, "leader_speed_in_dv": 0.4}),
-        (IDM, {"v": 0.1, "vl": 0.4}, {"v": 0.1, "leader_speed_in_dv": 0.4, "own_speed_in_dv": 0.1}),
+        (IDM, {"s": 0.3, "vl": 0.4}, {"s": 0.3, "dv ahead": 0.4}),
+        (IDM, {"v": 0.1, "vl": 0.4}, {"v": 0.1, "dv ahead": 0.4, "dv own": 0.1}),
         # CACC asks for vl itself: that is the radio's
         (CACC, {"vl": 0.2, "al": 0.3}, {"vl": 0.2, "al": 0.3}),
-        (CACC, {"vl": 0.2, "dv": 0.1}, {"vl": 0.2, "leader_speed_in_dv": 0.1, "own_speed_in_dv": 0.1}),
+        (CACC, {"vl": 0.2, "dv": 0.1}, {"vl": 0.2, "dv ahead": 0.1, "dv own": 0.1}),
     ],
 )  # fmt: skip
-def test_what_a_channel_makes_late(model, delay, late):
-    assert channel(model, delay) == late
-    assert hw.Vehicle(model, delay=delay).channel.longest == max(late.values(), default=0.0)
+def test_what_a_delay_makes_late(model, delay, delays):
+    vehicle = hw.Vehicle(model, delay=delay)
+    assert late(vehicle) == delays
+    assert vehicle.perception.longest == max(delays.values(), default=0.0)
 
 
 @pytest.mark.parametrize(
@@ -299,7 +296,7 @@ def test_what_a_channel_makes_late(model, delay, late):
         (IDM, {"dv": 0.1, "vl": 0.1}, "either dv .* or vl"),
     ],
 )
-def test_what_a_channel_refuses(model, delay, words):
+def test_what_a_delay_refuses(model, delay, words):
     with pytest.raises(hw.HeadwayError, match=words):
         hw.Vehicle(model, delay=delay)
 
@@ -311,7 +308,6 @@ def test_the_three_delays_of_the_theory_are_different_systems():
         runs.append(result.gap.values[1])
     for i, j in ((0, 1), (0, 2), (1, 2)):
         assert np.max(np.abs(runs[i] - runs[j])) > 1e-3
-    assert isinstance(Channel.of("idm", ("s",), 0.0), Channel)
 
 
 def test_scenarios_are_values_that_cannot_be_changed():

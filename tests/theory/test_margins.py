@@ -9,6 +9,7 @@ import warnings
 import control
 import numpy as np
 import pytest
+from late import late
 
 import headway as hw
 from headway.models import CACC, FVDM, GMM, IDM, OVM, IDMSpacing
@@ -29,13 +30,13 @@ CASES = [
 @pytest.mark.parametrize("vehicle", CASES)
 def test_at_its_margin_the_loop_swings(vehicle):
     found = linear(**vehicle)
-    f, c, p = found.partials, found.vehicle.channel, found.margins
+    f, c, p = found.partials, late(found.vehicle), found.margins
     # where no gain breaks the loop there is no such frequency, and the first column is not looked at
     w = np.array([p.gain_frequency if math.isfinite(p.gain) else 1.0, p.phase_frequency])
     s = 1j * w
     feedback = (
-        f["s"] * np.exp(-s * c.s) + s * f.get("dv", 0) * np.exp(-s * c.own_speed_in_dv)
-        - s * f["v"] * np.exp(-s * c.v) - s * s * f.get("a", 0) * np.exp(-s * c.a)
+        f["s"] * np.exp(-s * c.get("s", 0.0)) + s * f.get("dv", 0) * np.exp(-s * c.get("dv own", 0.0))
+        - s * f["v"] * np.exp(-s * c.get("v", 0.0)) - s * s * f.get("a", 0) * np.exp(-s * c.get("a", 0.0))
     )  # fmt: skip
     loop = feedback / (s * s * (1 + found.vehicle.lag * s))
     if math.isfinite(p.gain):

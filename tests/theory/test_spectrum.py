@@ -98,7 +98,7 @@ def test_verdict_and_peak_are_one_answer(car):
 def test_verdicts_change_at_critical_delays(car):
     """0.99 times the longest delay of the pattern is stable, 1.01 times it unstable, whichever signal has it."""
     found = hw.linearize(car, 15.0)
-    longest = found.slowed(1.0).vehicle.channel.longest
+    longest = found.slowed(1.0).vehicle.perception.longest
     for kind, stable in (("local", "locally_stable"), ("string", "string_stable")):
         critical = found.critical_delay(kind)
         if not getattr(found.slowed(0.0), stable):

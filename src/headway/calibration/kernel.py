@@ -15,6 +15,7 @@ from __future__ import annotations
 from numba import njit
 
 from headway.engine.compile import address_of, call_rate
+from headway.models.signal import AHEAD, OWN
 
 __all__ = ["follow"]
 
@@ -54,10 +55,10 @@ def follow(
     keep = path.shape[1] > 0
     for i in range(sources.shape[0]):
         sources[i, 0] = address_of(signals, i * B)
-        sources[i, 1] = address_of(signals, codes.size * B)
+        sources[i, 1] = address_of(signals, codes.shape[0] * B)
         sources[i, 2] = sources[i, 1]
     for b in range(B):
-        signals[codes.size, b] = 0.0
+        signals[codes.shape[0], b] = 0.0
         place[b] = 0.0
         command[0, b] = 0.0
         crash[b] = 0.0
@@ -75,11 +76,11 @@ def follow(
                 V[q, b] = u if u > 0.0 else 0.0
                 S[q, b] = start[0, b] + lead[0, j] - (place[b] + (dx if dx > 0.0 else 0.0))
                 A[q, b] = 2.0 * a0 - a1
-        for i in range(codes.size):
-            code = codes[i]
+        for i in range(codes.shape[0]):
+            order, of, less = codes[i, 0], codes[i, 1], codes[i, 2]
             k1, w1, k2, w2 = shift[2 * i], weight[2 * i], shift[2 * i + 1], weight[2 * i + 1]
             out = signals[i]
-            if code == 0:
+            if order == 0:
                 for b in range(B):
                     k = j - k1[b]
                     if k <= 0:
@@ -90,7 +91,7 @@ def follow(
                             w1[0, b] * S[x, b] + w1[1, b] * S[y, b]
                             + w1[2, b] * (lead[1, k - 1] - V[x, b]) + w1[3, b] * (lead[1, k] - V[y, b])
                         )  # fmt: skip
-            elif code == 1 or code == 2:
+            elif order == 1 and (of == OWN or less == OWN):
                 if same[i] >= 0:
                     for b in range(B):
                         out[b] = signals[same[i], b]
@@ -103,7 +104,7 @@ def follow(
                             x, y = (k - 1) & M, k & M
                             own = w2[0, b] * V[x, b] + w2[1, b] * V[y, b] + w2[2, b] * A[x, b] + w2[3, b] * A[y, b]
                         out[b] = own
-                if code == 2:
+                if less == OWN:
                     for b in range(B):
                         k = j - k1[b]
                         if k <= 0:
@@ -114,12 +115,12 @@ def follow(
                                 + w1[2, b] * lead[2, k - 1] + w1[3, b] * lead[2, k]
                             )  # fmt: skip
                         out[b] = ahead - out[b]
-            elif code == 3:
+            elif of == OWN:
                 for b in range(B):
                     k = j - k1[b]
                     out[b] = 0.0 if k <= 0 else w1[4, b] * A[(k - 1) & M, b] + (1.0 - w1[4, b]) * A[k & M, b]
-            elif code == 4 or code == 6:
-                row = 1 if code == 4 else 3
+            elif order == 1:
+                row = 1 if of == AHEAD else 3
                 for b in range(B):
                     k = j - k1[b]
                     if k <= 0:
@@ -130,7 +131,7 @@ def follow(
                             + w1[2, b] * lead[row + 1, k - 1] + w1[3, b] * lead[row + 1, k]
                         )  # fmt: skip
             else:
-                row = 2 if code == 5 else 4
+                row = 2 if of == AHEAD else 4
                 for b in range(B):
                     k = j - k1[b]
                     # a delay that ends exactly at the start sees its right limit

@@ -14,7 +14,9 @@ from headway.calibration.segments import Segment
 from headway.calibration.space import Space
 from headway.data.recording import start_of
 from headway.engine.compile import address
-from headway.engine.layout import SIGNAL_CODES
+from headway.engine.layout import SIGNAL_CODES, SIGNAL_TABLE
+from headway.errors import HeadwayError
+from headway.models.signal import AHEAD, SIGNALS
 
 __all__ = ["OBJECTIVES", "PENALTY", "Loop"]
 
@@ -25,9 +27,6 @@ OBJECTIVES = ("gap", "gap+speed")
 
 #: objective of a candidate that collides at the end of the record; twice it at the start
 PENALTY = 100.0
-
-#: channel parts that the two halves of a signal read
-_HALVES = {"dv": ("leader_speed_in_dv", "own_speed_in_dv")}
 
 
 class Loop:
@@ -46,11 +45,14 @@ class Loop:
         fixed = {n for n, _ in self.fixed}
         lagged = space.vehicle.lag > 0 or "lag" in space.names
         # own acceleration that is heard at once is solved for, as in the engine
-        implicit = "a" in law.signals and not lagged and space.pattern["a"] * _longest(space) == 0.0
+        implicit = "a" in law.signals and not lagged and space.pattern["a"][0] * _longest(space) == 0.0
         self.address = address(law, self.fixed, tuple(n for n in law.parameters if n not in fixed), implicit, False)
-        self.codes = np.array([SIGNAL_CODES[s] for s in law.signals], dtype=np.int64)
-        self.parts = [p for s in law.signals for p in _HALVES.get(s, (s, s))]
-        self.same = np.array([self._heard_before(i) for i in range(self.codes.size)], dtype=np.int64)
+        self.codes = SIGNAL_TABLE[[SIGNAL_CODES[s] for s in law.signals]]
+        for name in law.signals:
+            if SIGNALS[name].of > AHEAD:
+                raise HeadwayError(f"{law.name} perceives {name}: a fit has only the vehicle ahead and the leader")
+        self.pattern = np.array([half for name in law.signals for half in space.pattern[name]])
+        self.same = np.array([self._heard_before(i) for i in range(len(self.codes))], dtype=np.int64)
         self.limits = np.array(space.vehicle.limits or (-math.inf, math.inf))
         gap, speed = (np.concatenate([getattr(s, n) for s in segments]) for n in ("gap", "speed"))
         self.known = np.stack((np.isfinite(gap), np.isfinite(speed)))
@@ -74,9 +76,9 @@ class Loop:
 
     def _heard_before(self, i: int) -> int:
         """The earlier signal that is one's own speed, as late as signal `i` hears it; -1 if there is none."""
-        ratio = self.space.pattern
+        own_speed = SIGNAL_TABLE[SIGNAL_CODES["v"]]
         for n in range(i):
-            if self.codes[n] == SIGNAL_CODES["v"] and ratio[self.parts[2 * n + 1]] == ratio[self.parts[2 * i + 1]]:
+            if np.array_equal(self.codes[n], own_speed) and self.pattern[2 * n + 1] == self.pattern[2 * i + 1]:
                 return n
         return -1
 
@@ -111,7 +113,7 @@ class Loop:
         parameters = np.empty((max(len(self.space.vehicle.model.items), 1), lanes))
         for i, (name, x) in enumerate(self.space.vehicle.model.items):
             parameters[i] = values.get(name, x)
-        delay = values.get("delay", np.full(lanes, self.space.vehicle.channel.longest))
+        delay = values.get("delay", np.full(lanes, self.space.vehicle.perception.longest))
         lag = values.get("lag", np.full(lanes, self.space.vehicle.lag))
         sums, left, paths = np.zeros((2, lanes)), np.zeros(lanes), []
         for i, (segment, part) in enumerate(zip(self.segments, self.parts_of, strict=True)):
@@ -120,7 +122,7 @@ class Loop:
             shift, weight = self._look_ups(delay, h)
             known = self.known[:, part]
             observed = np.concatenate((np.where(known, self.observed[:, part], 0.0), known))
-            crash, n = np.empty(lanes), self.codes.size
+            crash, n = np.empty(lanes), len(self.codes)
             path = np.empty((2, segment.gap.size if keep else 0, lanes))
             ring = np.zeros((3, 1 << int(shift.max() + 3).bit_length(), lanes))
             follow(
@@ -139,7 +141,7 @@ class Loop:
         Weights of the two values and two slopes of a cubic Hermite step, and the share of the earlier value in a
         line; see `headway.calibration.kernel`.
         """
-        ratio = np.array([self.space.pattern[p] for p in self.parts])
+        ratio = self.pattern
         steps = ratio[:, None] * delay / h
         shift = np.floor(steps + 1e-9)
         rest = np.maximum(steps - shift, 0.0)
@@ -154,7 +156,7 @@ class Loop:
 
 def _longest(space: Space) -> float:
     """The longest delay [s] that a candidate can have."""
-    return space.high[space.names.index("delay")] if "delay" in space.names else space.vehicle.channel.longest
+    return space.high[space.names.index("delay")] if "delay" in space.names else space.vehicle.perception.longest
 
 
 def _actuator(lag: Array, h: float) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from headway.arrays import Array
 from headway.errors import HeadwayError, unknown_name
 from headway.models import Law, Model
-from headway.scenario.channel import Channel
+from headway.scenario.reception import Perception
 from headway.scenario.vehicle import Vehicle
 
 __all__ = ["OWN_BOUNDS", "Space"]
@@ -88,13 +88,13 @@ class Space:
             )
 
     @functools.cached_property
-    def pattern(self) -> dict[str, float]:
-        """Delay of each part of a channel per second of fitted delay: the vehicle's pattern, or all signals alike."""
-        own = self.vehicle.channel
-        if own.longest > 0:
-            return {n: t / own.longest for n, t in vars(own).items()}
-        law = self.vehicle.model.law
-        return vars(Channel.of(law.name, law.signals, 1.0))
+    def pattern(self) -> dict[str, tuple[float, float]]:
+        """Delays of both halves of each signal per second of fitted delay: the vehicle's pattern, or all alike."""
+        law, own = self.vehicle.model.law, self.vehicle.perception
+        perception = own if own.longest > 0 else Perception.of(law.name, law.signals, 1.0)
+        unit = own.longest if own.longest > 0 else 1.0
+        halves = {name: perception.halves(name) for name in law.signals}
+        return {name: (first.delay / unit, second.delay / unit) for name, (first, second) in halves.items()}
 
     def make(self, values: Sequence[float] | Array) -> Vehicle:
         """The vehicle with these values (p,) of the fitted quantities."""
@@ -109,7 +109,7 @@ class Space:
 
     def _delay(self, seconds: float) -> Any:
         delay = self.vehicle.delay
-        longest = self.vehicle.channel.longest
+        longest = self.vehicle.perception.longest
         if isinstance(delay, float) or longest == 0:
             return seconds
         return {n: seconds * t / longest for n, t in delay}

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.models.signal import LEADER, OWN
 from headway.scenario.motion import HIGHEST_ORDER
 from headway.scenario.vehicle import Vehicle
 
@@ -73,32 +74,31 @@ def propagate(vehicles: Sequence[Vehicle], leader: Jumps, own: dict[int, Jumps],
     `own` holds those that begin at a vehicle itself (1 is the first follower): its initial state,
     a stop, a limit that is reached.
     """
-    result, lagged = [leader], False
-    known: dict[tuple, Jumps] = {}
+    result, lags = [leader], [False]
+    sets: dict[tuple, Jumps] = {}
     for n, vehicle in enumerate(vehicles, start=1):
-        ahead, begun = result[-1], own.get(n, NONE)
-        key = (vehicle.channel, vehicle.model.law, vehicle.lag > 0, lagged, *(a.tobytes() for a in (*ahead, *begun)))
-        if key not in known:
-            known[key] = _of_follower(vehicle, ahead, lagged, leader, begun, end)
-        result.append(known[key])
-        lagged = vehicle.lag > 0
+        seen = range(n - 1, max(n - 1 - vehicle.perception.farthest, -1), -1)
+        ahead, begun = [(result[k], lags[k]) for k in seen], own.get(n, NONE)
+        bits = tuple(a.tobytes() for jumps in (*(j for j, _ in ahead), begun) for a in jumps)
+        key = (vehicle.perception, vehicle.lag > 0, *(lag for _, lag in ahead), bits)
+        if key not in sets:
+            sets[key] = _of_follower(vehicle, ahead, leader, begun, end)
+        result.append(sets[key])
+        lags.append(vehicle.lag > 0)
     return result
 
 
-def hops(vehicle: Vehicle) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
-    """(delay [s], orders gained) of everything that a vehicle perceives of the one ahead, and of itself."""
-    c, signals = vehicle.channel, set(vehicle.model.law.signals)
-    from_ahead = [(c.s, 2, "s"), (c.leader_speed_in_dv, 1, "dv"), (c.vl, 1, "vl"), (c.al, 0, "al")]
+def hops(vehicle: Vehicle, whose: int) -> list[tuple[float, int]]:
+    """(delay [s], orders gained) of everything that a vehicle perceives of `whose` motion."""
+    sources = (s for s in vehicle.perception.sources if s.whose == whose)
     # an acceleration that is known at once is an algebraic loop or a state: neither breaks anything anew
-    from_self = [(c.s, 2, "s"), (c.v, 1, "v"), (c.own_speed_in_dv, 1, "dv")] + ([(c.a, 0, "a")] if c.a > 0 else [])
-    ahead, own = ([(d, q) for d, q, name in rows if name in signals] for rows in (from_ahead, from_self))
-    return ahead, own
+    return [(s.delay, 2 - s.signal.order) for s in sources if whose != OWN or s.signal.order < 2 or s.delay > 0.0]
 
 
-def _of_follower(vehicle: Vehicle, ahead: Jumps, lagged: bool, leader: Jumps, begun: Jumps, end: float) -> Jumps:
-    c, signals = vehicle.channel, set(vehicle.model.law.signals)
-    from_leader = [(c.v0l, 1, "v0l"), (c.a0l, 0, "a0l")]
-    from_ahead, from_self = hops(vehicle)
+def _of_follower(
+    vehicle: Vehicle, ahead: Sequence[tuple[Jumps, bool]], leader: Jumps, begun: Jumps, end: float
+) -> Jumps:
+    """`ahead`: breaking points of the vehicles ahead, the next one first, and whether each has a lag."""
     limit = int(end / TICK)
 
     def shifted(jumps: Jumps, delay: float, smoother: int, lag: bool) -> Jumps:
@@ -108,11 +108,11 @@ def _of_follower(vehicle: Vehicle, ahead: Jumps, lagged: bool, leader: Jumps, be
 
     found = merge(
         [begun]
-        + [shifted(ahead, d, q, lagged) for d, q in from_ahead]
-        + [shifted(leader, d, q, False) for d, q, name in from_leader if name in signals]
+        + [shifted(j, d, q, lag) for k, (j, lag) in enumerate(ahead, start=1) for d, q in hops(vehicle, k)]
+        + [shifted(leader, d, q, False) for d, q in hops(vehicle, LEADER)]
     )
     while True:
-        more = merge([found] + [shifted(found, d, q, vehicle.lag > 0) for d, q in from_self])
+        more = merge([found] + [shifted(found, d, q, vehicle.lag > 0) for d, q in hops(vehicle, OWN)])
         if np.array_equal(more.tick, found.tick) and np.array_equal(more.order, found.order):
             return found
         found = more

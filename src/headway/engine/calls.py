@@ -53,7 +53,7 @@ def _reader(tuple_class: type) -> Any:
 
 platoon_at = _reader(layout.Platoon)
 steps_at = _reader(layout.Steps)
-state_at = _reader(layout.RunState)
+state_at = _reader(layout.State)
 alone_at = _reader(layout.Alone)
 
 

@@ -29,6 +29,7 @@ from headway.environment import compile_without_disk
 from headway.errors import HeadwayError
 from headway.models import Law, Model, maths
 from headway.models.fingerprint import fingerprint
+from headway.models.signal import SIGNALS
 from headway.version import __version__
 
 __all__ = ["address", "address_of", "at", "cache_folder", "call_rate", "evaluate", "whole"]
@@ -246,8 +247,12 @@ def _with_compiled_helpers(function: types.FunctionType) -> dict[str, Any]:
     return found
 
 
-#: how many addresses a signal is made of, and how its value is made of them
-_MADE_OF = {"s": (3, "{0} - {1} - {2}"), "dv": (2, "{0} - {1}")}
+def _made_of(name: str) -> tuple[int, str]:
+    """How many addresses a signal is made of, and how its value is made of them."""
+    signal = SIGNALS[name]
+    if signal.less is None:
+        return 1, "{0}"
+    return (3, "{0} - {1} - {2}") if signal.order == 0 else (2, "{0} - {1}")
 
 
 def _source(law: Law, fixed: dict[str, float], varying: tuple[str, ...], implicit: bool, chained: bool) -> str:
@@ -269,7 +274,7 @@ def _source(law: Law, fixed: dict[str, float], varying: tuple[str, ...], implici
     for i, signal in enumerate(law.signals):
         if (signal == "a" and implicit) or (signal == "al" and chained):
             continue
-        count, form = _MADE_OF.get(signal, (1, "{0}"))
+        count, form = _made_of(signal)
         lines += [f"    {signal}_{j} = carray(at(S[{3 * i + j}] + 8 * first), (count,))" for j in range(count)]
         values[signal] = form.format(*(f"{signal}_{j}[i]" for j in range(count)))
     lines.append("    for i in range(count):")

@@ -6,6 +6,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from headway.models.signal import SIGNALS
+
 #: arrays without gaps by kind of number (floating, whole, boolean) and number of axes
 F1 = Annotated[np.ndarray, "float64", 1]
 F2 = Annotated[np.ndarray, "float64", 2]
@@ -17,14 +19,19 @@ I2 = Annotated[np.ndarray, "int64", 2]
 I3 = Annotated[np.ndarray, "int64", 3]
 B2 = Annotated[np.ndarray, "bool_", 2]
 
-#: columns of the table of groups (consecutive vehicles with one law and one channel)
-GROUP = {
-    name: i
-    for i, name in enumerate(
-        ("row", "rows", "count", "lag", "limits", "serial", "chained", "pure", *(f"signal{i}" for i in range(8)))
-    )
-}
-SIGNAL_CODES = {name: i for i, name in enumerate(("s", "v", "dv", "a", "vl", "al", "v0l", "a0l"))}
+#: most signals of a law
+MOST_SIGNALS = len(SIGNALS)
+
+#: columns of the table of groups (consecutive vehicles with one law and one perception)
+_COLUMNS = ("row", "rows", "count", "lag", "limits", "serial", "chained", "pure")
+GROUP = {name: i for i, name in enumerate((*_COLUMNS, *(f"signal{i}" for i in range(MOST_SIGNALS))))}
+SIGNAL_CODES = {name: i for i, name in enumerate(SIGNALS)}
+
+#: of each signal, by its code: the derivative of a position that it is made of, whose, and less whose (NOTHING: none)
+NOTHING = -9
+SIGNAL_TABLE = np.array(
+    [(s.order, s.of, NOTHING if s.less is None else s.less) for s in SIGNALS.values()], dtype=np.int64
+)
 
 #: per step: it starts at a jump; a look-up falls inside it; its start is recorded
 FLAG_JUMP, FLAG_INSIDE, FLAG_RECORD = 1, 2, 4
@@ -44,8 +51,8 @@ ROW, ROWS, COUNT, LAG, LIMITS, SERIAL, CHAINED, PURE, SIGNAL0 = range(9)
 class Platoon(NamedTuple):
     """What does not change during a run. M = followers × lanes, elements in the order [vehicle][lane]."""
 
-    groups: I2  # (G, 16) whole numbers, columns GROUP
-    slots: I3  # (G, 8, 2) delay slot of each signal (of both halves of dv), -1 = current
+    groups: I2  # (G, columns) whole numbers, columns GROUP
+    slots: I3  # (G, signals, 2) delay slot of each signal (of both halves of dv), -1 = current
     addresses: I2  # (G, 2) compiled loops: plain, chained
     parameters: F2  # (parameters, M)
     length: F1  # (M,) length of the vehicle ahead [m]
@@ -59,7 +66,7 @@ class Platoon(NamedTuple):
 
 
 #: most hops of a group, one for each signal (or half of one) that it may perceive; the rest has orders gained < 0
-HOPS = 8
+HOPS = MOST_SIGNALS
 
 
 class Steps(NamedTuple):
@@ -77,7 +84,7 @@ class Steps(NamedTuple):
     node: I3  # (S, n, c) 1 where the look-up is a node of the past, 2 where the next one, else 0
 
 
-class RunState(NamedTuple):
+class State(NamedTuple):
     """What a run carries from step to step."""
 
     ring: F3  # (5, R, (N+1) lanes): position, speed, acceleration (right limit, where two), (left), extra point
@@ -86,10 +93,10 @@ class RunState(NamedTuple):
     J: F2  # (6, M) rates of change of accelerations behind a lag; rows 0 and 4 of the start and the end
     actual: F1  # ((N+1) lanes,) accelerations at the start of a step, which are states behind a lag
     stage: F2  # (2, (N+1) lanes) positions and speeds of a stage
-    leader: F2  # (8, M) what is heard of the platoon leader, for every follower
+    leader: F2  # (signals, M) what is heard of the platoon leader, for every follower
     looked: F4  # (S, 2, 3, (N+1) lanes) what was read of the past
     command: F2  # (3, M) what laws asked for at the start and the end of a step, and a spare row
-    sources: I2  # (8, 3) addresses of what each signal is made of
+    sources: I2  # (signals, 3) addresses of what each signal is made of
     go: F1  # (M,) 0 where a vehicle stands
     watch: F1  # (M,) 0 where events are ignored: beyond a collision, and for a moment after an event
     happened: F1  # (M,) 1 where an event was noted
@@ -116,5 +123,5 @@ class Alone(NamedTuple):
 
     platoon: Platoon
     steps: Steps
-    state: RunState
+    state: State
     reserve: int  # nodes that must be free before a step

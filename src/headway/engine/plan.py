@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from headway.engine.breaking import Jumps, hops, merge, own_order, propagate
 from headway.engine.compile import address, structural
-from headway.engine.layout import GROUP, HOPS, SIGNAL_CODES, Platoon
+from headway.engine.layout import GROUP, HOPS, MOST_SIGNALS, SIGNAL_CODES, Platoon
 from headway.engine.mesh import Mesh, build_mesh
 from headway.models import Law
+from headway.models.signal import AHEAD, OWN
 from headway.scenario.motion import Motion
+from headway.scenario.reception import Reception, Source
 from headway.scenario.scenario import MOST_SAMPLES, Scenario
 from headway.scenario.vehicle import Vehicle
 
@@ -56,7 +58,7 @@ def structure(scenario: Scenario) -> tuple[Any, ...]:
 
 
 def _shape(vehicle: Vehicle) -> tuple[Any, ...]:
-    return vehicle.model.law, structural(vehicle.model), vehicle.channel, vehicle.lag > 0, vehicle.limits is not None
+    return vehicle.model.law, structural(vehicle.model), vehicle.perception, vehicle.lag > 0, vehicle.limits is not None
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ class Frame:
         slots = _Slots()
         runs = _runs(scenario.followers)
         groups = np.zeros((len(runs), len(GROUP)), dtype=np.int64)
-        table = np.full((len(runs), 8, 2), -1, dtype=np.int64)
+        table = np.full((len(runs), MOST_SIGNALS, 2), -1, dtype=np.int64)
         for g, (row, rows) in enumerate(runs):
             _fill_group(groups[g], table[g], scenario.followers[row], row, rows, slots)
         jumps = _jumps(scenario, scenario.motion) if scenario.scheme == "rk4" else None
@@ -220,26 +222,33 @@ def _runs(followers: Sequence[Vehicle]) -> list[tuple[int, int]]:
 
 
 class _Slots:
-    """The different delays of a platoon and what is asked of each."""
+    """The different receptions of a platoon and what is asked of each: derivatives (0 x, 1 v, 2 a) and vehicles."""
 
     def __init__(self) -> None:
-        self.delays: list[float] = []
+        self.receptions: list[Reception] = []
         self.needs: list[set[int]] = []
         self.span: list[tuple[int, int]] = []
 
-    def __call__(self, delay: float, quantity: int, row: int, rows: int) -> int:
-        """Slot of `delay`, asked for `quantity` (0 x, 1 v, 2 a) by followers row … row+rows-1; -1 if current."""
-        if delay == 0.0:
+    def __call__(self, source: Source, row: int, rows: int) -> int:
+        """Slot of a source that followers row … row+rows-1 look at; -1 if it is received at once."""
+        reception, order = source.reception, source.signal.order
+        if reception.delay == 0.0:
             return -1
-        if delay not in self.delays:
-            self.delays.append(delay)
+        first = row + 1 - max(source.whose, AHEAD)
+        if reception not in self.receptions:
+            self.receptions.append(reception)
             self.needs.append(set())
-            self.span.append((row, row + rows + 1))
-        slot = self.delays.index(delay)
-        self.needs[slot].add(quantity)
+            self.span.append((first, row + rows + 1))
+        slot = self.receptions.index(reception)
+        self.needs[slot].add(order)
         low, high = self.span[slot]
-        self.span[slot] = min(low, row), max(high, row + rows + 1)
+        self.span[slot] = min(low, first), max(high, row + rows + 1)
         return slot
+
+    @property
+    def delays(self) -> list[float]:
+        """Delays [s] by slot."""
+        return [reception.delay for reception in self.receptions]
 
     @property
     def accelerations(self) -> list[float]:
@@ -261,26 +270,20 @@ class _Slots:
         return np.array(self.span, dtype=np.int64).reshape(-1, 2)
 
 
-#: the quantity (0 x, 1 v, 2 a) that a signal reads
-_QUANTITY = {"s": 0, "v": 1, "dv": 1, "a": 2, "vl": 1, "al": 2, "v0l": 1, "a0l": 2}
-
-
 def _fill_group(
     group: NDArray[np.int64], slots: NDArray[np.int64], vehicle: Vehicle, row: int, rows: int, slot: _Slots
 ) -> None:
-    law, channel = vehicle.model.law, vehicle.channel
+    law, perception = vehicle.model.law, vehicle.perception
     for i, signal in enumerate(law.signals):
         group[GROUP[f"signal{i}"]] = SIGNAL_CODES[signal]
-        halves = (
-            (channel.leader_speed_in_dv, channel.own_speed_in_dv) if signal == "dv" else (getattr(channel, signal),) * 2
-        )
-        slots[i] = [slot(d, _QUANTITY[signal], row, rows) for d in halves]
+        slots[i] = [slot(source, row, rows) for source in perception.halves(signal)]
     plain = vehicle.lag == 0 and vehicle.limits is None
-    hears_now = "al" in law.signals and channel.al == 0.0
+    hears_now = perception.at_once("al")
+    ahead_now = any(s.signal.order == 2 and s.whose >= AHEAD and s.delay == 0.0 for s in perception.sources)
     group[GROUP["row"]], group[GROUP["rows"]], group[GROUP["count"]] = row, rows, len(law.signals)
     group[GROUP["lag"]] = vehicle.lag > 0
     group[GROUP["limits"]] = vehicle.limits is not None
-    group[GROUP["serial"]] = hears_now and vehicle.lag == 0
+    group[GROUP["serial"]] = ahead_now and vehicle.lag == 0
     group[GROUP["chained"]] = hears_now and plain
     group[GROUP["pure"]] = vehicle.lag == 0 and bool(np.all(slots[: len(law.signals)] >= 0))
 
@@ -288,19 +291,19 @@ def _fill_group(
 def _hops(vehicle: Vehicle) -> Array:
     """What a vehicle perceives of the one ahead and of itself: rows (delay, orders gained), -1 behind the last."""
     table = np.full((2, HOPS, 2), -1.0)
-    for side, rows in enumerate(hops(vehicle)):
+    for side, rows in enumerate((hops(vehicle, AHEAD), hops(vehicle, OWN))):
         table[side, : len(rows)] = np.array(rows, dtype=float).reshape(-1, 2)
     return table
 
 
 def _implicit(vehicle: Vehicle) -> bool:
-    return "a" in vehicle.model.law.signals and vehicle.lag == 0 and vehicle.channel.a == 0.0
+    return vehicle.lag == 0 and vehicle.perception.at_once("a")
 
 
 def _addresses(vehicle: Vehicle, varying: tuple[str, ...]) -> tuple[int, int]:
-    law, channel, fixed = vehicle.model.law, vehicle.channel, structural(vehicle.model)
+    law, fixed = vehicle.model.law, structural(vehicle.model)
     plain = address(law, fixed, varying, _implicit(vehicle), False)
-    chained = "al" in law.signals and channel.al == 0.0 and vehicle.lag == 0 and vehicle.limits is None
+    chained = vehicle.perception.at_once("al") and vehicle.lag == 0 and vehicle.limits is None
     return plain, address(law, fixed, varying, _implicit(vehicle), True) if chained else 0
 
 

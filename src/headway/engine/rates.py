@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from headway.engine.compile import address_of, call_rate
-from headway.engine.layout import CHAINED, COUNT, LAG, LIMITS, PURE, ROW, ROWS, SERIAL, SIGNAL0
+from headway.engine.layout import CHAINED, COUNT, LAG, LIMITS, NOTHING, PURE, ROW, ROWS, SERIAL, SIGNAL0, SIGNAL_TABLE
 from headway.engine.loops import clip, copy, fast, scale_add, seldom, spread, step_state, times, toward, weigh4, weigh5
+from headway.models.signal import LEADER
 
 __all__ = ["PASSES", "accelerate", "end_lagged", "lagged_or_pure", "look_back", "place_leader"]
 
@@ -55,12 +56,11 @@ def _aim(g, k, c, row0, platoon, steps, state, buffer, X, V, A, B):
     a = groups[g, ROW] * B
     for i in range(groups[g, COUNT]):
         code = groups[g, SIGNAL0 + i]
+        quantity, of, less = SIGNAL_TABLE[code, 0], SIGNAL_TABLE[code, 1], SIGNAL_TABLE[code, 2]
         p, q = slots[g, i, 0], slots[g, i, 1]
-        quantity = 0 if code == 0 else (2 if code == 3 or code == 5 or code == 7 else 1)
         now = X if quantity == 0 else (V if quantity == 1 else A)
-        # what is looked at first: oneself for v and a, the vehicle ahead for all others
-        element = a + B if code == 1 or code == 3 else a
-        if code >= 6:
+        element = a + (1 - of) * B
+        if of == LEADER:
             # the platoon leader, for every follower
             heard = state.leader[i]
             for r in range(rows):
@@ -74,12 +74,13 @@ def _aim(g, k, c, row0, platoon, steps, state, buffer, X, V, A, B):
             sources[i, 0] = _past(platoon, steps, state, p, k, c, buffer, quantity, row0, element)
         else:
             sources[i, 0] = address_of(now, element)
-        if code == 0 or code == 2:
+        if less != NOTHING:
+            taken = a + (1 - less) * B
             if q >= 0:
-                sources[i, 1] = _past(platoon, steps, state, q, k, c, buffer, quantity, row0, a + B)
+                sources[i, 1] = _past(platoon, steps, state, q, k, c, buffer, quantity, row0, taken)
             else:
-                sources[i, 1] = address_of(now, a + B)
-        if code == 0:
+                sources[i, 1] = address_of(now, taken)
+        if quantity == 0:
             sources[i, 2] = address_of(platoon.length, a)
 
 

@@ -24,7 +24,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from headway.models.signal import LEADER, OWN
 from headway.scenario.motion import Motion
+from headway.scenario.reception import Source
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
 
@@ -73,7 +75,7 @@ def simulate_reference(scenario: Scenario, times: ArrayLike) -> Reference:
     tracks, collisions, length, x = [leader], [math.nan], scenario.leader_length, 0.0
     for vehicle, gap, speed in zip(scenario.followers, scenario.initial_gaps(), scenario.initial_speeds(), strict=True):
         x -= gap + length
-        follower = _Follower(vehicle, tracks[-1], leader, length, _Track(x, scenario.cruise, speed))
+        follower = _Follower(vehicle, list(tracks), length, _Track(x, scenario.cruise, speed))
         collisions.append(follower.drive())
         tracks.append(follower.track)
         length = vehicle.length
@@ -153,26 +155,27 @@ def _spread(seeds: Iterable[tuple[float, int]], hops: Hops, end: float) -> Kinks
 class _Follower:
     """One follower's way through its pieces."""
 
-    def __init__(self, vehicle: Vehicle, ahead: _Track, leader: _Track, length: float, track: _Track) -> None:
-        self.vehicle, self.ahead, self.leader, self.length, self.track = vehicle, ahead, leader, length, track
+    def __init__(self, vehicle: Vehicle, tracks: list[_Track], length: float, track: _Track) -> None:
+        self.vehicle, self.tracks, self.ahead, self.length, self.track = vehicle, tracks, tracks[-1], length, track
         self.law, self.parameters = vehicle.model.law.function, vehicle.model.parameters
-        self.signals, self.channel = vehicle.model.law.signals, vehicle.channel
+        self.signals, self.perception = vehicle.model.law.signals, vehicle.perception
         self.low, self.high = vehicle.limits or (-math.inf, math.inf)
-        self.end = ahead.end
-        c = self.channel
-        own = [("s", c.s, 2), ("v", c.v, 1), ("dv", c.own_speed_in_dv, 1), ("a", c.a, 0)]
-        theirs = [("s", c.s, 2), ("dv", c.leader_speed_in_dv, 1), ("vl", c.vl, 1), ("al", c.al, 0)]
-        self.hops = self._felt(own)
+        self.end = self.ahead.end
+        self.hops = self._felt(OWN)
         seeds = [(0.0, 1)]
-        for source, felt in ((ahead, theirs), (leader, [("v0l", c.v0l, 1), ("a0l", c.a0l, 0)])):
-            for delay, gained in self._felt(felt):
+        for whose, source in self._others():
+            for delay, gained in self._felt(whose):
                 seeds += [(t + delay, order + gained) for t, order in source.kinks.items()]
         track.kinks = _spread(seeds, self.hops, self.end)
         self.cuts = sorted(track.kinks)
         self.own_delay = min((d for d, _ in self.hops if d > 0.0), default=math.inf)
 
-    def _felt(self, sources: list[tuple[str, float, int]]) -> Hops:
-        return [(delay, gained) for name, delay, gained in sources if name in self.signals]
+    def _others(self) -> list[tuple[int, _Track]]:
+        """Whose motions there are to see, but one's own."""
+        return [(LEADER, self.tracks[0]), *enumerate(reversed(self.tracks), start=1)]
+
+    def _felt(self, whose: int) -> Hops:
+        return [(s.delay, 2 - s.signal.order) for s in self.perception.sources if s.whose == whose]
 
     def drive(self) -> float:
         """Integrate to the end; returns the time of a collision, or NaN."""
@@ -277,25 +280,23 @@ class _Follower:
 
     def command(self, t: float, side: str, y: Array) -> float:
         """What the law asks for at `t`, before limits, in the state `y` (position, speed, acceleration)."""
-        c, x, v = self.channel, float(y[0]), float(y[1])
+        now = (float(y[0]), float(y[1]), float(y[2]))
+        others = dict(self._others())
 
-        def own(delay: float) -> tuple[float, float, float]:
-            return self.track.at(t - delay, side) if delay > 0.0 else (x, v, float(y[2]))
+        def look(source: Source) -> float:
+            if source.whose == OWN:
+                motion = self.track.at(t - source.delay, side) if source.delay > 0.0 else now
+            else:
+                motion = others[source.whose].at(t - source.delay, side)
+            return motion[source.signal.order]
 
-        def perceive(signal: str) -> float:
-            if signal == "s":
-                return self.ahead.at(t - c.s, side)[0] - self.length - own(c.s)[0]
-            if signal == "v":
-                return own(c.v)[1]
-            if signal == "dv":
-                return self.ahead.at(t - c.leader_speed_in_dv, side)[1] - own(c.own_speed_in_dv)[1]
-            if signal == "a":
-                return own(c.a)[2]
-            source = self.leader if "0" in signal else self.ahead
-            return source.at(t - getattr(c, signal), side)[1 if signal[0] == "v" else 2]
+        def perceive(name: str) -> float:
+            first, second = self.perception.halves(name)
+            value = look(first) - self.length if first.signal.order == 0 else look(first)
+            return value if first.signal.less is None else value - look(second)
 
-        seen = [perceive(signal) for signal in self.signals]
-        if "a" not in self.signals or c.a > 0.0 or self.vehicle.lag > 0.0:
+        seen = [perceive(name) for name in self.signals]
+        if self.vehicle.lag > 0.0 or not self.perception.at_once("a"):
             return float(self.law(*seen, **self.parameters))
         # own acceleration is what the law returns, and the law is affine in it
         i = self.signals.index("a")

@@ -200,7 +200,7 @@ class Run:
             node[look.row + node - 1 > np.arange(look.row.shape[1])[None, :, None]] = 0
         return node
 
-    def _begin(self, state: layout.RunState) -> None:
+    def _begin(self, state: layout.State) -> None:
         """Set a state to the start of the plan."""
         p, ring = self.plan, state.ring
         for array in state:
@@ -233,7 +233,7 @@ class Run:
         return int(np.max(ends - behind)) + 8
 
 
-def _free_all(state: layout.RunState, first: int) -> None:
+def _free_all(state: layout.State, first: int) -> None:
     """Put the nodes from number `first` on among those that are free, the lowest on top."""
     more = np.arange(state.node_time.size - 1, first - 1, -1)
     count = state.free[0]
@@ -241,7 +241,7 @@ def _free_all(state: layout.RunState, first: int) -> None:
     state.free[0] = count + more.size
 
 
-def _with_room(state: layout.RunState, size: int) -> layout.RunState:
+def _with_room(state: layout.State, size: int) -> layout.State:
     """The state with room for `size` nodes inside steps."""
     had = state.node_time.size
     rows = {
@@ -264,23 +264,23 @@ def _reserve(plan: Plan) -> int:
     return _RESERVE_LANE * plan.x.shape[1] + _RESERVE if plan.delays.size and plan.settled else 0
 
 
-def _state(plan: Plan, lanes: int, ring_rows: int) -> layout.RunState:
+def _state(plan: Plan, lanes: int, ring_rows: int) -> layout.State:
     """Room for the state of so many lanes of a plan."""
     rows = plan.x.shape[0]
     elements, followers = rows * lanes, (rows - 1) * lanes
     whole = np.int64
     nodes = 2 * _reserve(plan) if ring_rows > 2 else 0
-    return layout.RunState(
+    return layout.State(
         ring=np.empty((5, ring_rows, elements)),
         two=np.empty(ring_rows, dtype=whole),
         K=np.empty((6, elements)),
         J=np.empty((6, followers)),
         actual=np.empty(elements),
         stage=np.empty((2, elements)),
-        leader=np.empty((8, followers)),
+        leader=np.empty((layout.MOST_SIGNALS, followers)),
         looked=np.empty((plan.delays.size, 2, 3, elements)),
         command=np.empty((3, followers)),
-        sources=np.empty((8, 3), dtype=whole),
+        sources=np.empty((layout.MOST_SIGNALS, 3), dtype=whole),
         go=np.empty(followers),
         watch=np.empty(followers),
         happened=np.empty(followers),

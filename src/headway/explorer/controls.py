@@ -49,7 +49,7 @@ def controls(laws: Iterable[Law] = ()) -> dict[str, Any]:
     return {
         "models": {name: _law(law) for name, law in with_own(laws).items()},
         "kinds": {part["properties"]["kind"]["const"]: _kind(part) for part in form["properties"]["leader"]["oneOf"]},
-        "signals": {name: {"unit": u, "text": text, "radio": name in RADIO} for name, (u, text) in SIGNALS.items()},
+        "signals": {s.name: {"unit": s.unit, "text": s.text, "radio": s.radio} for s in SIGNALS.values()},
         "vehicle": [_field(n, vehicle[n], False, _VEHICLE) for n in _VEHICLE],
         "run": [_field(n, run[n], False, _RUN) for n in _RUN],
         "delay": {"unit": "s", "slider": slider(*_DELAY, 0.3), "text": "delay of all on-board signals"},

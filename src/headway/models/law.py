@@ -28,25 +28,9 @@ import numpy as np
 from headway.errors import HeadwayError, HeadwayWarning, shorten, unknown_name
 from headway.models import equilibrium
 from headway.models.dual import partials
+from headway.models.signal import SIGNALS, steady
 
-__all__ = ["RADIO", "SIGNALS", "Law", "Model", "Param", "Parameter", "model"]
-
-#: signal name → (unit, meaning)
-SIGNALS: dict[str, tuple[str, str]] = {
-    "s": ("m", "gap to the vehicle ahead, bumper to bumper"),
-    "v": ("m/s", "own speed"),
-    "dv": ("m/s", "relative speed v_ahead - v, positive while the gap opens"),
-    "a": ("m/s²", "own acceleration"),
-    "vl": ("m/s", "speed of the vehicle ahead, received by radio"),
-    "al": ("m/s²", "acceleration of the vehicle ahead, received by radio"),
-    "v0l": ("m/s", "speed of the platoon leader, received by radio"),
-    "a0l": ("m/s²", "acceleration of the platoon leader, received by radio"),
-}
-
-#: signals that arrive by radio; the others are measured on board
-RADIO: frozenset[str] = frozenset({"vl", "al", "v0l", "a0l"})
-
-_SPEEDS = frozenset({"v", "vl", "v0l"})
+__all__ = ["Law", "Model", "Param", "Parameter", "model"]
 
 
 @dataclass(frozen=True)
@@ -146,7 +130,7 @@ class Law:
     def _repr_html_(self) -> str:
         from headway.models.notebook import law_html
 
-        return law_html(self, SIGNALS)
+        return law_html(self)
 
     def __copy__(self) -> Law:
         return self
@@ -210,7 +194,7 @@ class Model:
     def _repr_html_(self) -> str:
         from headway.models.notebook import model_html
 
-        return model_html(self, SIGNALS)
+        return model_html(self)
 
     def replace(self, **values: float) -> Model:
         """The same law with some parameters changed."""
@@ -232,9 +216,7 @@ class Model:
 
     def at_rest(self, gap: Any, speed: Any) -> Any:
         """Acceleration [m/s²] where everybody drives `speed` steadily and the gap is `gap`."""
-        zero = 0.0 * speed
-        values = {"s": gap, "dv": zero, **dict.fromkeys(_SPEEDS, speed)}
-        return self(*(values.get(n, zero) for n in self.law.signals))
+        return self(*steady(self.law.signals, gap, speed).values())
 
     def equilibrium_gap(self, speed: float) -> float:
         """Gap [m] at which a follower keeps `speed` [m/s] behind a leader of the same speed.
@@ -266,8 +248,7 @@ class Model:
         `gap` is needed where every gap is an equilibrium. Raises `HeadwayError` if there is none.
         """
         s = self.equilibrium_gap(speed) if gap is None else float(gap)
-        at = {n: s if n == "s" else (float(speed) if n in _SPEEDS else 0.0) for n in self.law.signals}
-        return partials(self, at)
+        return partials(self, steady(self.law.signals, s, float(speed)))
 
 
 @overload
@@ -363,14 +344,6 @@ def _read(
     return law
 
 
-#: what people call a signal → its name here
-_OTHER_NAMES = {
-    "gap": "s", "spacing": "s", "distance": "s", "headway": "s", "speed": "v", "velocity": "v", "relative_speed": "dv",
-    "delta_v": "dv", "deltav": "dv", "approach_rate": "dv", "acceleration": "a", "lead_speed": "vl",
-    "leader_speed": "vl", "v_lead": "vl", "v_leader": "vl", "lead_acceleration": "al", "a_lead": "al", "a_leader": "al",
-}  # fmt: skip
-
-
 def _no_signal(law: str, p: inspect.Parameter, hint: Any) -> HeadwayError:
     """The error for a positional argument that is no signal: a parameter that lost its '*', or another name."""
     if p.default is not p.empty or hint is not None:
@@ -378,9 +351,10 @@ def _no_signal(law: str, p: inspect.Parameter, hint: Any) -> HeadwayError:
             f"law {law}: {p.name} is no signal but looks like a parameter; put a '*' before the first parameter, "
             f"e.g. ({', '.join(('s', 'v', 'dv'))}, *, {p.name}=…)"
         )
-    if (name := _OTHER_NAMES.get(p.name.lower())) is not None:
+    meant = next((s for s in SIGNALS.values() if p.name.lower() in s.also), None)
+    if meant is not None:
         return HeadwayError(
-            f"signal of law {law}: {p.name!r} is not known; did you mean {name!r}, {SIGNALS[name][1]}? "
+            f"signal of law {law}: {p.name!r} is not known; did you mean {meant.name!r}, {meant.text}? "
             f"Signals are {', '.join(SIGNALS)}"
         )
     return unknown_name(f"signal of law {law}", p.name, SIGNALS)

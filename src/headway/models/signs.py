@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING
 
 from headway.models.dual import partials
+from headway.models.signal import steady
 
 if TYPE_CHECKING:
     from headway.models.law import Law
@@ -23,7 +24,7 @@ def wrong_sign(law: Law) -> str | None:
         return None
     slopes = []
     for gap, speed in ((15.0, 8.0), (30.0, 20.0), (60.0, 25.0)):
-        at = {n: {"s": gap, "v": speed, "vl": speed, "v0l": speed}.get(n, 0.0) for n in law.signals}
+        at = steady(law.signals, gap, speed)
         try:
             slopes.append(partials(law(), at)["dv"])
         except Exception:  # a person's law may raise anything, also because its helpers stand below it

@@ -100,7 +100,7 @@ def root_locus(linear: Linear, delays: Any = (0.0, 3.0), ax: Axes | None = None)
     values = axis("delay", delays, 2)
     if values[0] < 0:
         raise HeadwayError(f"delay: {values[0]:g} s is not allowed; it must be 0 or more")
-    unit = linear.slowed(1.0).vehicle.channel.longest
+    unit = linear.slowed(1.0).vehicle.perception.longest
     found = [_upper(linear.slowed(float(t) / unit)) for t in values]
     tau = np.concatenate([np.full(r.size, t) for t, r in zip(values, found, strict=True)])
     roots = np.concatenate(found)
@@ -217,7 +217,7 @@ def said(linear: Linear, late: bool = True) -> str:
     """Which vehicle, at which speed, and (unless `late` is false) with which delays."""
     delay = linear.vehicle.delay
     pattern = f"{delay:g} s" if isinstance(delay, float) else ", ".join(f"{n} {t:g} s" for n, t in delay)
-    told = f", delay {pattern}" if late and linear.vehicle.channel.longest > 0 else ""
+    told = f", delay {pattern}" if late and linear.vehicle.perception.longest > 0 else ""
     return f"{linear.vehicle.model.name} at {linear.speed:g} m/s{told}"
 
 
@@ -239,11 +239,11 @@ def _curves(linear: Linear | Mapping[str, Linear], delays: Sequence[float] | Non
             _is_linear(lin)
         return list(linear.items())
     _is_linear(linear)
-    own = linear.vehicle.channel.longest
+    own = linear.vehicle.perception.longest
     chosen = sorted({*_DELAYS, own}) if delays is None else [float(t) for t in delays]
     if not chosen or not all(math.isfinite(t) and t >= 0 for t in chosen):
         raise HeadwayError(f"delays must be 0 s or more, not {shorten(tuple(chosen))}")
-    unit = linear.slowed(1.0).vehicle.channel.longest
+    unit = linear.slowed(1.0).vehicle.perception.longest
     return [(f"{t:.4g} s", linear.slowed(t / unit)) for t in chosen]
 
 

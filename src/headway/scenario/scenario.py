@@ -15,6 +15,7 @@ from pydantic import BeforeValidator
 from headway.errors import HeadwayError, shorten
 from headway.html import block, paragraph, table
 from headway.limits import check_size
+from headway.models.signal import OWN
 from headway.scenario.leaders import Disturbance
 from headway.scenario.motion import Motion
 from headway.scenario.validation import Described, Finite, NonNegative, Positive, described, spec, unit
@@ -161,9 +162,15 @@ class Scenario(metaclass=Described):
         check_size(f"scenario: {count} followers{out}", kept * (count + 1), "kept values")
         for number, vehicle in enumerate(self.followers, 1):
             # each jump of its own acceleration comes back to it after this delay, again and again
-            if vehicle.channel.a > 0.0 and "a" in vehicle.model.law.signals:
-                late = f"follower {number}: delay {vehicle.channel.a:g} s of its own acceleration"
-                check_size(late, self.end / vehicle.channel.a, "echoes of an acceleration")
+            for source in vehicle.perception.sources:
+                if source.whose > number:
+                    raise HeadwayError(
+                        f"follower {number}: {vehicle.model.name} perceives {source.signal.name} of the vehicle "
+                        f"{source.whose} ahead, and there are {number}"
+                    )
+                if source.whose == OWN and source.signal.order == 2 and source.delay > 0.0:
+                    late = f"follower {number}: delay {source.delay:g} s of its own acceleration"
+                    check_size(late, self.end / source.delay, "echoes of an acceleration")
 
     @property
     def end(self) -> float:

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator
 from headway.checked import SMALLEST
 from headway.errors import HeadwayError
 from headway.models import Law, Model
-from headway.scenario.channel import Channel, Delay, normalize_delay
+from headway.scenario.reception import Delay, Perception, normalize_delay
 from headway.scenario.validation import Described, Negative, NonNegative, Positive, spec, unit
 
 __all__ = ["Vehicle"]
@@ -34,7 +34,7 @@ class Vehicle(metaclass=Described):
     """A follower.
 
     model: a model or a law (then with its default parameters).
-    delay: seconds for all on-board signals, or a mapping from signal to seconds (`Channel`).
+    delay: seconds for all on-board signals, or a mapping from signal to seconds (`Perception`).
     lag: time constant [s] of a first-order actuator, a' = (command - a)/lag; 0 acts at once.
     length: [m], bumper to bumper gaps start behind it.
     limits: least and largest acceleration [m/s²] that the vehicle can be commanded, or None.
@@ -56,10 +56,10 @@ class Vehicle(metaclass=Described):
     ] = None
 
     def __post_init__(self) -> None:
-        Channel.of(self.model.name, self.model.law.signals, self.delay)
+        Perception.of(self.model.name, self.model.law.signals, self.delay)
 
     @property
-    def channel(self) -> Channel:
+    def perception(self) -> Perception:
         """What the model perceives, and how late."""
         delay: Delay = self.delay
-        return Channel.of(self.model.name, self.model.law.signals, delay)
+        return Perception.of(self.model.name, self.model.law.signals, delay)

@@ -6,6 +6,7 @@ import math
 
 from headway.models import Model
 from headway.models.dual import partials
+from headway.models.signal import SIGNALS, steady
 
 __all__ = ["RESTS", "corner", "rests"]
 
@@ -14,7 +15,6 @@ RESTS = 1e-6
 
 #: distances, relative to a signal (or to 1): what a smooth law changes by shrinks with them, a corner does not
 _NEAR, _NEARER = 1e-7, 1e-9
-_SPEEDS = ("v", "vl", "v0l")
 
 
 def rests(model: Model, speed: float, gap: float) -> bool:
@@ -35,7 +35,7 @@ def corner(model: Model, speed: float, gap: float, used: dict[str, float]) -> st
         One sentence, or None where the law is differentiable.
     """
     names = model.law.signals
-    at = {n: gap if n == "s" else speed if n in _SPEEDS else 0.0 for n in names}
+    at = steady(names, gap, speed)
     # first both sides along one direction that no corner of an ordinary law is parallel to
     if not any(_breaks(model, at, used, {n: side * (1.0 + 0.37 * i) for i, n in enumerate(names)}) for side in (1, -1)):
         return None
@@ -73,7 +73,7 @@ def _breaks(model: Model, at: dict[str, float], used: dict[str, float], move: di
 def _moved(at: dict[str, float], along: dict[str, float], distance: float) -> dict[str, float]:
     moved = {n: x + along.get(n, 0.0) * distance * max(1.0, abs(x)) for n, x in at.items()}
     # nobody drives backwards: at standstill only speeds above it count
-    return {n: max(x, 0.0) if n in _SPEEDS else x for n, x in moved.items()}
+    return {n: max(x, 0.0) if SIGNALS[n].order == 1 and SIGNALS[n].less is None else x for n, x in moved.items()}
 
 
 def _differs(a: float, b: float) -> bool:

@@ -59,7 +59,7 @@ def _pattern(linear: Linear, factor: float) -> Any:
 
 def longest_delay(linear: Linear) -> float:
     """Return the longest delay [s] of the pattern that `slowed` scales, at the factor 1."""
-    return slowed(linear, 1.0).vehicle.channel.longest
+    return slowed(linear, 1.0).vehicle.perception.longest
 
 
 def critical_delay(linear: Linear, kind: str) -> float:

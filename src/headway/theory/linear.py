@@ -76,7 +76,7 @@ def _linear(car: Vehicle, speed: float, s: float) -> Linear:
                 f"{car.model.name} is not differentiable at {speed:g} m/s and {s:g} m: "
                 f"its derivative by {name} is {value}"
             )
-    if slopes.get("a", 0.0) == 1.0 and car.lag == 0.0 and car.channel.a == 0.0:
+    if slopes.get("a", 0.0) == 1.0 and car.lag == 0.0 and car.perception.delay("a") == 0.0:
         raise HeadwayError(
             f"{car.model.name} hears its own acceleration at once with a gain of 1: what it commands is not defined; "
             "give the vehicle a lag or delay.a"
@@ -145,7 +145,7 @@ class Linear:
     @functools.cached_property
     def parts(self) -> Parts:
         """Numerators, denominator and the two halves of the vehicle's own loop."""
-        return parts(self.partials, self.vehicle.channel, self.vehicle.lag)
+        return parts(self.partials, self.vehicle.perception, self.vehicle.lag)
 
     @property
     def characteristic(self) -> QuasiPolynomial:

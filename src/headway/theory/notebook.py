@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from headway.html import block, paragraph, table
+from headway.models.signal import SIGNALS
 from headway.theory import sentences
 
 if TYPE_CHECKING:
@@ -36,15 +37,12 @@ def linear_html(linear: Linear) -> str:
             ("peak gain", linear.peak_gain, "1", "largest |G(iω)|; above 1 a frequency grows"),
             ("peak frequency", linear.peak_frequency, "rad/s", "where that is; 0 is the limit of long waves"),
         ]
-    slopes = [(f"∂f/∂{name}", value, _SLOPE[name]) for name, value in linear.partials.items()]
+    slopes = [(f"∂f/∂{name}", value, SIGNALS[name].slope_unit) for name, value in linear.partials.items()]
     return block(
         paragraph(f"{linear.vehicle.model!r}: {sentences.vehicle_verdict(linear, critical)}"),
         table("Linear theory", ("quantity", "value", "unit", "meaning"), rows),
         table("Derivatives of the law", ("derivative", "value", "unit"), slopes),
     )
-
-
-_SLOPE = {"s": "1/s²", **dict.fromkeys(("v", "dv", "vl", "v0l"), "1/s"), **dict.fromkeys(("a", "al", "a0l"), "1")}
 
 
 def _delay(seconds: float) -> str:

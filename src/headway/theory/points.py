@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,9 +13,11 @@ from numpy.typing import NDArray
 from headway.errors import HeadwayError, LeaderHeardError, unknown_name
 from headway.models import RADIO, Model, dual
 from headway.models.equilibrium import gaps_at
-from headway.scenario.channel import Channel
+from headway.models.signal import LEADER, SIGNALS, steady
+from headway.scenario.reception import Perception
 from headway.scenario.vehicle import Vehicle
 from headway.theory.corners import RESTS
+from headway.theory.transfer import delay_columns
 
 __all__ = ["OperatingPoints", "is_delay"]
 
@@ -95,7 +96,7 @@ class OperatingPoints:
         self._check_delays()
         if self._source("speed") is None and self._source("gap") is None:
             raise HeadwayError(f"a map of {law.name} needs the speed of the platoon [m/s], as a number or as an axis")
-        Channel.of(law.name, law.signals, tuple((n, 0.0) for n in self._pattern()))
+        Perception.of(law.name, law.signals, tuple((n, 0.0) for n in self._pattern()))
 
     def _check_delays(self) -> None:
         """Raise `HeadwayError` for axes of delays that have no effect, or say of one signal two things."""
@@ -155,7 +156,7 @@ class OperatingPoints:
         """Raise `LeaderHeardError` where growth per vehicle is to be mapped and the law hears the platoon leader."""
         if self.what == "local":
             return
-        for name in ("v0l", "a0l"):
+        for name in (n for n in self._model.law.signals if SIGNALS[n].of == LEADER):
             if name in slopes and np.any(np.broadcast_to(slopes[name], rests.shape)[rests] != 0.0):
                 raise LeaderHeardError(
                     f"a {self.what} map of {self._model.name}: it hears the platoon leader ({name}), so no growth per "
@@ -179,7 +180,7 @@ class OperatingPoints:
         v, s = np.array(inputs[0], float), np.array(inputs[1], float)
         rests = np.isfinite(v) & np.isfinite(s) & (v >= 0) & (s > 0)
         v[~rests], s[~rests] = 1.0, 1.0
-        signals = {n: s if n == "s" else (v if n in ("v", "vl", "v0l") else np.zeros(v.shape)) for n in law.signals}
+        signals = steady(law.signals, s, v)
         try:
             model = Model(law, tuple(parameters.items()))
             slopes = dual.partials(model, signals)
@@ -235,14 +236,13 @@ class OperatingPoints:
         law, pattern = self._model.law, self._pattern()
         total: dict[str, Any] = {}
         for name, seconds in pattern.items():
-            # a channel is linear in its delays
-            alone = Channel.of(law.name, law.signals, tuple((n, float(n == name)) for n in pattern))
+            # delays of what is perceived are linear in the delays given by signal
+            alone = Perception.of(law.name, law.signals, tuple((n, float(n == name)) for n in pattern))
             together = "radio_delay" if name in RADIO and name in law.signals else "delay"
             amount = at.get(f"delay.{name}", at.get(together, seconds))
-            for what, share in dataclasses.asdict(alone).items():
-                total[what] = total.get(what, 0.0) + share * amount
-        renamed = {"leader_speed_in_dv": "leader", "own_speed_in_dv": "own"}
-        return {f"delay.{renamed.get(n, n)}": x for n, x in total.items()}
+            for column, share in delay_columns(alone).items():
+                total[column] = total.get(column, 0.0) + share * amount
+        return total
 
     @property
     def on_time(self) -> bool:

@@ -95,7 +95,7 @@ def _pattern(linear: Linear) -> tuple[str, str]:
     late = {} if isinstance(delay, float) else {n: t for n, t in delay if t > 0}
     if not late:
         return "delays of all on-board signals", ""
-    longest = linear.slowed(1.0).vehicle.channel.longest
+    longest = linear.slowed(1.0).vehicle.perception.longest
     names = f"delays of {' and '.join(late)}"
     if all(t == longest for t in late.values()):
         return names, ""

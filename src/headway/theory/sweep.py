@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from headway.theory.gain import TOLERANCE, VERDICTS
 from headway.theory.rows import COLUMNS, fill_critical_delays, fill_decay_rates, fill_gains, fill_margins, fill_peaks
+from headway.theory.transfer import delay_columns
 
 if TYPE_CHECKING:
     from headway.theory.linear import Linear
@@ -97,10 +98,8 @@ def rows_of(linears: Sequence[Linear], local: bool = False) -> Array:
     for i, linear in enumerate(linears):
         if not local:
             linear.refuse_without_leader("string stability of one vehicle")
-        f, c = linear.partials, linear.vehicle.channel
-        slopes = [f.get(n, 0.0) for n in COLUMNS[:6]]
-        late = (c.s, c.v, c.leader_speed_in_dv, c.own_speed_in_dv, c.a, c.vl, c.al)
-        rows[i] = (*slopes, *late, linear.vehicle.lag)
+        values = {**linear.partials, **delay_columns(linear.vehicle.perception), "lag": linear.vehicle.lag}
+        rows[i] = [values.get(column, 0.0) for column in COLUMNS]
     return rows
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from headway.scenario.channel import Channel
+from headway.errors import HeadwayError
+from headway.models.signal import AHEAD, LEADER, OWN
+from headway.scenario.reception import Perception
 from headway.theory.quasipolynomial import QuasiPolynomial
 
-__all__ = ["Parts", "parts"]
+__all__ = ["Parts", "delay_columns", "parts"]
 
 
 class Parts(NamedTuple):
@@ -30,24 +32,42 @@ class Parts(NamedTuple):
     feedback: QuasiPolynomial
 
 
-def parts(partials: Mapping[str, float], c: Channel, lag: float) -> Parts:
+def parts(partials: Mapping[str, float], perception: Perception, lag: float) -> Parts:
     """Return the parts of the transfer functions of one vehicle; see `headway.theory.linear`.
 
     Args:
         partials: partial derivatives of the law by signal; signals that are left out count as 0.
-        c: delays [s] by signal.
+        perception: what the law perceives, and how late.
         lag: time constant [s] of the actuator, at least 0.
+
+    Raises:
+        HeadwayError: for a law that perceives more than itself, the vehicle ahead and the platoon leader.
     """
-    f = {n: partials.get(n, 0.0) for n in ("s", "v", "dv", "a", "vl", "al", "v0l", "a0l")}
-    top = QuasiPolynomial.of(
-        (f["s"], 0, c.s), (f["dv"], 1, c.leader_speed_in_dv), (f["vl"], 1, c.vl), (f["al"], 2, c.al)
-    )
-    leader = QuasiPolynomial.of((f["v0l"], 1, c.v0l), (f["a0l"], 2, c.a0l))
+    terms: dict[int, list[tuple[float, int, float]]] = {OWN: [], AHEAD: [], LEADER: []}
+    for source in perception.sources:
+        if source.whose not in terms:
+            raise HeadwayError(
+                f"linear theory of {source.signal.name}: it treats what a law perceives of itself, of the vehicle "
+                "ahead and of the platoon leader"
+            )
+        # what a vehicle perceives of itself stands on the other side
+        weight = -source.sign if source.whose == OWN else source.sign
+        slope = partials.get(source.signal.name, 0.0)
+        terms[source.whose].append((weight * slope, source.signal.order, source.delay))
+    top, leader = QuasiPolynomial.of(*terms[AHEAD]), QuasiPolynomial.of(*terms[LEADER])
     plant = QuasiPolynomial.of((1.0, 2, 0.0), (lag, 3, 0.0))
-    feedback = QuasiPolynomial.of(
-        (f["s"], 0, c.s), (f["dv"], 1, c.own_speed_in_dv), (-f["v"], 1, c.v), (-f["a"], 2, c.a)
-    )
+    feedback = QuasiPolynomial.of(*terms[OWN])
     bottom = QuasiPolynomial.of(*plant.terms, *feedback.terms)
     # one factor p is the gap of a law that rests at every gap; a second one is a speed that nothing corrects
     common = min(1, *(q.lowest for q in (top, bottom, leader) if q.power.size))
     return Parts(top.over(common), bottom.over(common), leader.over(common), plant, feedback)
+
+
+def delay_columns(perception: Perception) -> dict[str, float]:
+    """Delays [s] by column of a row of the compiled sweep: of a signal, and of `dv` of its two halves."""
+    columns = {}
+    for source in perception.sources:
+        halves = source.signal.order == 1 and source.signal.less is not None
+        name = ("own" if source.whose == OWN else "leader") if halves else source.signal.name
+        columns[f"delay.{name}"] = source.delay
+    return columns
