@@ -71,7 +71,8 @@ def compile_without_disk() -> None:
     """Let numba go on where compiled code cannot be read from disk or kept on it, as on one that is full.
 
     By itself it fails, though the code that it was asked for is there. Compiling anew at the next start is all that
-    is lost, and one warning says so.
+    is lost, and one warning says so. What is kept is of use as long as none of the sources of compiled code has
+    changed: numba itself looks at one file alone, and not at those whose functions were put in place.
     """
     caching: Any = importlib.import_module("numba.core.caching")  # its types say less than what is done here
     load, save = caching.Cache.load_overload, caching.Cache.save_overload
@@ -80,8 +81,9 @@ def compile_without_disk() -> None:
     def load_if_possible(self: Any, *arguments: Any) -> Any:
         try:
             return load(self, *arguments)
-        except OSError:
-            return None  # it is compiled anew
+        except (OSError, AttributeError, ImportError):
+            # unreadable, or of another version whose names were others: it is compiled anew
+            return None
 
     @functools.wraps(save)
     def save_if_possible(self: Any, *arguments: Any) -> None:
@@ -91,8 +93,24 @@ def compile_without_disk() -> None:
             self.disable()
             _warn_of_disk(f"{error.strerror or error}: {error.filename or self.cache_path}")
 
+    stamp = caching._SourceFileBackedLocatorMixin.get_source_stamp
+
+    @functools.wraps(stamp)
+    def stamp_of_all(self: Any) -> Any:
+        return stamp(self), *_sources()
+
+    caching._SourceFileBackedLocatorMixin.get_source_stamp = stamp_of_all
     caching.Cache.load_overload, caching.Cache.save_overload = load_if_possible, save_if_possible
     caching.CacheImpl._locator_classes.append(_Nowhere)
+
+
+@functools.cache
+def _sources() -> tuple[float, int]:
+    """Latest change and whole size of the files that hold compiled code or what it is made of."""
+    package = os.path.dirname(__file__)
+    folders = (os.path.join(package, name) for name in ("engine", "models"))
+    states = [e.stat() for folder in folders for e in os.scandir(folder) if e.name.endswith(".py")]
+    return max(s.st_mtime for s in states), sum(s.st_size for s in states)
 
 
 @functools.cache
