@@ -13,6 +13,7 @@ import pytest
 import headway as hw
 from headway.explorer import state as states
 from headway.explorer.controls import controls
+from headway.explorer.picture import Quick, draw
 
 SCENARIO = """duration = 30
 [leader]
@@ -59,7 +60,10 @@ def without(reason: str) -> NoReturn:
 
 @pytest.fixture(scope="module")
 def explorer():
-    with hw.explore(hw.from_toml(SCENARIO), browser=False) as running:
+    scenario = hw.from_toml(SCENARIO)
+    # what is compiled once on a machine takes longer than any page is waited for
+    draw(states.read(states.start_state(scenario)), Quick(), 300, draft=True, stale=lambda: False)
+    with hw.explore(scenario, browser=False) as running:
         yield running
 
 

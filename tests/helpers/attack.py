@@ -78,6 +78,7 @@ def alarm(seconds: float = PATIENCE) -> Iterator[None]:
 def warm() -> None:
     """Compile what the attacks need, so that no answer waits for the compiler."""
     from headway.engine.simulate import simulate
+    from headway.study.study import Study
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -89,6 +90,12 @@ def warm() -> None:
                     with contextlib.suppress(HeadwayError):
                         simulate(from_table({**short, "scheme": scheme, "followers": followers}))
             simulate(from_table(short))
+        stops = {
+            "duration": 20.0,
+            "leader": {"kind": "brake", "mean": 15.0, "drop": 15.0, "hold": 5.0},
+            "followers": [{"model": "idm", "count": 2, "delay": 0.3, "lag": 0.1}],
+        }
+        Study(from_table(stops), {"followers.0.delay": [0.2, 0.3]}).run(executor="serial")
 
 
 # -- the command line ---------------------------------------------------------------------------------------------

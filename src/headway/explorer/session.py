@@ -42,6 +42,10 @@ _COARSE, _FINE = 40, 110
 _POINTS = (50, 1200)
 
 
+class _StaleError(Exception):
+    """What was being computed is for a state that is not the newest any more."""
+
+
 @dataclass(frozen=True)
 class _Request:
     id: int
@@ -123,7 +127,7 @@ class Session:
     async def _answer(self, request: _Request, stale: Callable[[], bool]) -> None:
         try:
             await self._answers(request, stale)
-        except CancelledError:
+        except _StaleError:
             pass
         except HeadwayError as error:
             await self._say("error", request.id, text=str(error))
@@ -180,10 +184,18 @@ class Session:
             await self._say("no map", number, text=str(error))
 
     async def _compute(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        return await asyncio.get_running_loop().run_in_executor(self._pool, function, *arguments)
+        return await asyncio.get_running_loop().run_in_executor(self._pool, _computed, function, *arguments)
 
     async def _say(self, kind: str, number: int, **what: Any) -> None:
         await self._send(json.dumps({"kind": kind, "id": number, **what}, ensure_ascii=False))
+
+
+def _computed(function: Callable[..., Any], *arguments: Any) -> Any:
+    """What the function gives. asyncio takes a `CancelledError` out of a thread for its own, which would end `work`."""
+    try:
+        return function(*arguments)
+    except CancelledError as error:
+        raise _StaleError from error
 
 
 def _whole(message: dict[str, Any], name: str, low: int, high: int) -> int:

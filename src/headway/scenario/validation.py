@@ -39,7 +39,8 @@ def _number(value: Any) -> Any:
         raise ValueError("is not a number")
     if isinstance(value, int | float | np.number) or (isinstance(value, np.ndarray) and value.ndim == 0):
         try:
-            return float(value)
+            number = float(value)
+            return value if type(value) is int else number  # a sentence names -1 as it was given, not -1.0
         except (OverflowError, TypeError, ValueError):
             raise ValueError("is not a number that a computer can hold") from None
     return value

@@ -1,4 +1,8 @@
-// The conversation with the engine: one request at a time on its way, and only the newest waits.
+// The conversation with the engine: one request at a time on its way, and only the newest waits. What is answered
+// late is overtaken: the engine gives up the older state when it hears of a newer one.
+
+// how long [ms] a newer state waits for the picture of an older one
+const PATIENCE = 300;
 
 export class Link {
   constructor(hear, status) {
@@ -42,13 +46,19 @@ export class Link {
   }
 
   send() {
-    if (this.flying !== null || !this.waiting) return;
+    clearTimeout(this.overtaking);
+    if (!this.waiting) return;
+    const rest = this.flying ? this.flying.sent + PATIENCE - performance.now() : 0;
+    if (rest > 0) {
+      this.overtaking = setTimeout(() => this.send(), rest);
+      return;
+    }
     const { state, points, asked } = this.waiting;
     const id = ++this.number;
     if (!this.transmit({ do: "show", id, state, points })) return;
     this.waiting = null;
     this.shown = id;
-    this.flying = { id, asked };
+    this.flying = { id, asked, sent: performance.now() };
   }
 
   transmit(message) {
