@@ -1,4 +1,4 @@
-"""The conformance suite for laws: what a law must be so that every answer built on it can be trusted."""
+"""The conformance suite for laws: the properties that every result of headway relies on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,14 @@ __all__ = ["Check", "check_model"]
 
 @dataclass(frozen=True)
 class Check:
-    """One check of a law: its name, whether it passed, and why not. `required`: a failure is an error."""
+    """One check of a law.
+
+    Attributes:
+        name: the property in words.
+        passed: whether the law has it.
+        message: why not; "yes" where it passed.
+        required: whether a failure is an error, not a warning.
+    """
 
     name: str
     passed: bool
@@ -30,7 +37,14 @@ class Check:
 
 @typed
 def check_model(law: Law) -> tuple[Check, ...]:
-    """Run the conformance suite on a law, built in or one's own."""
+    """Run the conformance suite on a law, built in or one's own.
+
+    Args:
+        law: the law.
+
+    Returns:
+        One result for each check, in a fixed order. Exceptions of the law become failures.
+    """
     return tuple(_guarded(name, check, law, required) for name, check, required in _CHECKS)
 
 
@@ -45,7 +59,7 @@ def _guarded(name: str, check: Callable[[Law], str | None], law: Law, required: 
 
 
 def _states(law: Law) -> Iterator[dict[str, float]]:
-    """Plausible states of traffic, by signal."""
+    """Yield plausible states of traffic, by signal."""
     for s, v, dv, a in itertools.product(
         (3.0, 12.0, 40.0, 120.0), (0.5, 8.0, 23.0, 33.0), (-4.0, 0.0, 3.0), (-1.0, 0.5)
     ):
@@ -62,7 +76,7 @@ def _annotated(law: Law) -> str | None:
 
 
 def _used(law: Law) -> str | None:
-    """Parameters that the function's code never reads."""
+    """Name signals and parameters that the function's code never reads."""
     code = getattr(law.function, "__wrapped__", law.function).__code__
     read = {i.argval for i in dis.get_instructions(code) if i.opname.startswith("LOAD")} | {*code.co_cellvars}
     # some versions read two at once
@@ -93,24 +107,24 @@ def _same_twice(law: Law) -> str | None:
 
 
 def _equilibria(law: Law) -> list[tuple[float, float]]:
-    """Some (speed, gap) at which the law rests; any gap where every gap will do."""
-    model, found = law(), []
+    """Return pairs (speed, gap) at which the law rests; a gap of 20 m where it rests at every gap."""
+    model, equilibria = law(), []
     for speed in (5.0, 10.0, 15.0, 20.0, 23.0, 25.0, 30.0):
         try:
-            found.append((speed, model.equilibrium_gap(speed)))
+            equilibria.append((speed, model.equilibrium_gap(speed)))
         except RestsEverywhereError:
-            found.append((speed, 20.0))
+            equilibria.append((speed, 20.0))
         except HeadwayError:
             continue
-    return found
+    return equilibria
 
 
 def _rests(law: Law) -> str | None:
-    found = _equilibria(law)
-    if not found:
+    equilibria = _equilibria(law)
+    if not equilibria:
         return "it has no equilibrium gap at any speed from 5 to 30 m/s, so a platoon has no steady state to start from"
     model = law()
-    for speed, gap in found:
+    for speed, gap in equilibria:
         rest = abs(float(model.at_rest(gap, speed)))
         if rest > 1e-9:
             return f"at its equilibrium gap {gap:g} m for {speed:g} m/s it accelerates by {rest:.2g} m/s²"
@@ -186,10 +200,10 @@ def _drives(law: Law) -> str | None:
     from headway.scenario.scenario import Scenario
     from headway.scenario.vehicle import Vehicle
 
-    found = _equilibria(law)
-    if not found:
+    equilibria = _equilibria(law)
+    if not equilibria:
         return "it has no equilibrium to start from"
-    speed, gap = found[len(found) // 2]
+    speed, gap = equilibria[len(equilibria) // 2]
     result = simulate(Scenario(Sine(speed, 0.02 * speed, 0.5), [Vehicle(law)] * 3, duration=20, dt=0.05, gaps=gap))
     hit = result.collision_time.values[1:]
     if np.isfinite(hit).any():

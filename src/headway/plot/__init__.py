@@ -2,7 +2,7 @@
 
 Every function returns a `matplotlib.figure.Figure` that belongs to no window, of the width of a
 printed page and readable there without colour; `save` writes it. Functions of one panel draw on
-given axes instead, without a title. What cannot be drawn raises `HeadwayError`.
+axes of another figure where these are passed, without a title. What cannot be drawn raises `HeadwayError`.
 """
 
 from __future__ import annotations

@@ -21,17 +21,20 @@ if TYPE_CHECKING:
 
 __all__ = ["calibrated", "gains", "growth", "penetration", "replayed"]
 
-#: how what was recorded and what was fitted is drawn
+#: looks of recorded and of fitted values, and of stretches that were only tested
 _RECORDED: dict[str, Any] = {"color": "black", "linewidth": 1.1}
 _FITTED: dict[str, Any] = {"color": "#d55e00", "linewidth": 1.1, "linestyle": (0, (4, 1.2))}
 _TESTED: dict[str, Any] = {"facecolor": "#dcecf5", "edgecolor": "none"}
 
 
 def calibrated(fit: Fit) -> Figure:
-    """A fit on one page: recorded and fitted gap and speed, the gap error, and the profile of every quantity.
+    """Draw a fit on one page: recorded and fitted gap and speed, the gap error, and the profile of every quantity.
 
     Stretches that were tested and not trained on are shaded. Of several recordings the first one is drawn. A profile
-    shows the least objective with its quantity held; what lies below the line fits as well with 95 % confidence.
+    shows the least objective with its quantity held; values below the line fit as well with 95 % confidence.
+
+    Args:
+        fit: a fit of `headway.calibrate`.
     """
     law = fit.vehicle.model.law
     source = fit.segments[0].source
@@ -68,12 +71,12 @@ def calibrated(fit: Fit) -> Figure:
 
 
 def _two(figure: Figure, above: float, below: float) -> Any:
-    """Two parts of a figure, one above the other, of these relative heights."""
+    """Return two parts of a figure, one above the other, of these relative heights."""
     return figure.subfigures(2, 1, height_ratios=(above, below))
 
 
 def _profiles(figure: Any, fit: Fit, rows: int) -> None:
-    """The profile of each quantity, near what fits."""
+    """Draw the profile of each quantity near its best value."""
     from headway.calibration.report import unit_of
 
     axes = figure.subplots(rows, 4, squeeze=False).ravel()
@@ -98,9 +101,15 @@ def _profiles(figure: Any, fit: Fit, rows: int) -> None:
 
 
 def replayed(recording: Recording, simulated: xr.Dataset, title: str = "") -> Figure:
-    """A recorded and a simulated platoon on one page: speeds, gaps, and how deviations grow down the string.
+    """Draw a recorded and a simulated platoon on one page: speeds, gaps, and how deviations grow down the string.
 
-    recording: times from 0, as many vehicles as `simulated` has (a `headway.calibration.replay`).
+    Args:
+        recording: the recording, times from 0.
+        simulated: a `headway.calibration.replay` with as many vehicles.
+        title: of the figure; one that names the recording if empty.
+
+    Raises:
+        HeadwayError: for different numbers of vehicles.
     """
     from headway.calibration.measured_transfer import growth as growth_of
 
@@ -141,10 +150,15 @@ def replayed(recording: Recording, simulated: xr.Dataset, title: str = "") -> Fi
 
 
 def growth(recording: Recording, simulated: Mapping[str, xr.Dataset], title: str = "") -> Figure:
-    """Standard deviation and range of speed by vehicle, measured and as each of `simulated` predicts, and last spectra.
+    """Draw the growth of speed deviations down a string, measured and predicted.
 
-    recording: times from 0. simulated: replays by name. The third panel has the power spectrum of the last vehicle over
-    that of the leader, where the leader has power.
+    Two panels have the standard deviation and the range of speed by vehicle; the third has the amplitude spectrum of
+    the last vehicle over that of the leader, where the leader has power.
+
+    Args:
+        recording: the recording, times from 0.
+        simulated: replays by name.
+        title: of the figure; one that names the recording if empty.
     """
     from headway.calibration.measured_transfer import growth as growth_of
     from headway.calibration.measured_transfer import spectra
@@ -177,7 +191,7 @@ def growth(recording: Recording, simulated: Mapping[str, xr.Dataset], title: str
 
 
 def _key_below(figure: Figure, entries: Mapping[str, Any]) -> None:
-    """One key across the foot of the figure."""
+    """Draw one key across the foot of the figure."""
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], **look) if look else Line2D([], [], linestyle="none") for look in entries.values()]
@@ -190,13 +204,13 @@ def _key_below(figure: Figure, entries: Mapping[str, Any]) -> None:
 def _grown(
     ax: Axes, measured: Any, predicted: Mapping[str, Any], what: str, looks: Mapping[str, Any] | None = None
 ) -> None:
-    """Deviation or range of speed by vehicle."""
+    """Draw the deviation or the range of speed by vehicle."""
     words = {"deviation": "Std. deviation of speed [m/s]", "range": "Range of speed [m/s]"}[what]
     vehicles = np.arange(getattr(measured, what).size)
     highest = float(getattr(measured, what).max())
-    for name, found in predicted.items():
+    for name, prediction in predicted.items():
         look = (looks or {}).get(name, style.SERIES[2])
-        ax.plot(vehicles, getattr(found, what), marker="s", markersize=2.8, zorder=3, **{**look, "linewidth": 1.2})
+        ax.plot(vehicles, getattr(prediction, what), marker="s", markersize=2.8, zorder=3, **{**look, "linewidth": 1.2})
     ax.plot(vehicles, getattr(measured, what), marker="o", markersize=3.6, zorder=4, **_RECORDED)
     ax.set_ylim(
         0.0, min(1.5 * highest, 1.08 * max([highest, *(float(getattr(p, what).max()) for p in predicted.values())]))
@@ -207,10 +221,17 @@ def _grown(
 
 
 def gains(recording: Recording, fits: Sequence[Fit], title: str = "") -> Figure:
-    """Measured gain between neighbours with its 95 % interval, over exact |G| of fitted laws with theirs.
+    """Draw the measured gain between neighbours with its 95 % interval, over exact |G| of fitted laws with theirs.
 
-    fits: of any followers of the recording, one or more laws each; every follower gets a panel. Grey dots are
-    frequencies at which the two speeds are hardly coherent. |G| is taken at the mean speed of training.
+    Grey dots are frequencies at which the two speeds are hardly coherent. |G| is that at the mean speed of training.
+
+    Args:
+        recording: the recording.
+        fits: of any of its followers, one or more laws each; every follower gets a panel.
+        title: of the figure; one that names the recording if empty.
+
+    Raises:
+        HeadwayError: without a fit.
     """
     from headway.calibration.measured_transfer import measured_transfer
 
@@ -226,23 +247,23 @@ def gains(recording: Recording, fits: Sequence[Fit], title: str = "") -> Figure:
     w = np.linspace(0.02, 1.6, 250)
     highest = 1.5
     for ax, n in zip(axes, followers, strict=False):
-        found = measured_transfer(recording, n, highest=1.6)
-        good = found.coherent
+        transfer = measured_transfer(recording, n, highest=1.6)
+        good = transfer.coherent
         ax.errorbar(
-            found.frequency[good], found.gain[good],
-            np.abs(np.stack((found.low, found.high))[:, good] - found.gain[good]), color="black",
+            transfer.frequency[good], transfer.gain[good],
+            np.abs(np.stack((transfer.low, transfer.high))[:, good] - transfer.gain[good]), color="black",
             linestyle="none", marker="o", markersize=3.2, linewidth=0.8, zorder=4,
         )  # fmt: skip
         ax.plot(
-            found.frequency[~good],
-            found.gain[~good],
+            transfer.frequency[~good],
+            transfer.gain[~good],
             color="0.7",
             linestyle="none",
             marker=".",
             markersize=3.0,
             zorder=2,
         )
-        highest = max(highest, float(found.gain[good].max(initial=1.0)))
+        highest = max(highest, float(transfer.gain[good].max(initial=1.0)))
         for fit in (f for f in fits if f.follower == n):
             look = looks[fit.vehicle.model.name]
             best, low, high = _band(fit, w)
@@ -273,7 +294,7 @@ def gains(recording: Recording, fits: Sequence[Fit], title: str = "") -> Figure:
 
 
 def _band(fit: Fit, w: Array) -> tuple[Array | None, Array | None, Array | None]:
-    """|G| of a fit and its 95 % band over the refits; None where the law has no equilibrium."""
+    """Return |G| of a fit and its 95 % band over the refits; None where the law has no equilibrium."""
     from headway.calibration.verdict import linear_of
 
     speed = fit.speeds[1]
@@ -283,26 +304,34 @@ def _band(fit: Fit, w: Array) -> tuple[Array | None, Array | None, Array | None]
     return None if own is None else own.gain(w), low, high
 
 
-def penetration(found: xr.Dataset, title: str = "") -> Figure:
-    """What `headway.calibration.one_in` found: growth of speed deviations and the least gap, by share of other cars."""
-    if "every" not in found.coords or "source" not in found.attrs:
+def penetration(replays: xr.Dataset, title: str = "") -> Figure:
+    """Draw the growth of speed deviations and the least gap over the share of other cars in a platoon.
+
+    Args:
+        replays: a dataset of `headway.calibration.one_in`.
+        title: of the figure; one that names the recording if empty.
+
+    Raises:
+        HeadwayError: for another dataset.
+    """
+    if "every" not in replays.coords or "source" not in replays.attrs:
         raise HeadwayError("penetration draws what headway.calibration.one_in gives, and this dataset is another")
-    figure = style.new_figure(2.7, title or f"One car in n is another, behind the leader of {found.attrs['source']}")
+    figure = style.new_figure(2.7, title or f"One car in n is another, behind the leader of {replays.attrs['source']}")
     left, right = figure.subplots(1, 2)
-    share = np.array([100.0 / n if n else 0.0 for n in found.every.values])
+    share = np.array([100.0 / n if n else 0.0 for n in replays.every.values])
     order = np.argsort(share)
     for ax, name, words in (
         (left, "growth", "Std. deviation of speed, last over leader"),
         (right, "least_gap", "Least gap [m]"),
     ):
-        ax.plot(share[order], found[name].values[order], marker="o", markersize=4.0, **_RECORDED)
+        ax.plot(share[order], replays[name].values[order], marker="o", markersize=4.0, **_RECORDED)
         ax.set(xlabel="Share of other cars [%]", ylabel=words)
         style.axes_style(ax)
-        for x, y in zip(share[order], found[name].values[order], strict=True):
+        for x, y in zip(share[order], replays[name].values[order], strict=True):
             if not np.isfinite(y):
                 ax.plot([x], [0.0], clip_on=False, **style.CROSS)
         ax.set_ylim(bottom=0.0)
     left.axhline(1.0, color="0.35", linewidth=0.7)
-    if not np.isfinite(found.growth.values).all():
+    if not np.isfinite(replays.growth.values).all():
         style.key_above(left, {"collision": style.CROSS})
     return figure

@@ -1,4 +1,4 @@
-"""Figures as files."""
+"""Figures as files: PNG, SVG or PDF."""
 
 from __future__ import annotations
 
@@ -19,16 +19,23 @@ _DPI = 200
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write a figure as PNG (200 dots an inch), SVG or PDF, by the suffix of `path`; returns the path.
+    """Write a figure as PNG (200 dots an inch), SVG or PDF.
 
-    The file appears complete or not at all. Raises `HeadwayError` for another suffix or where
-    nothing can be written.
+    Args:
+        figure: the figure.
+        path: of the file, whose suffix says the format; the file appears complete or not at all.
+
+    Returns:
+        The path.
+
+    Raises:
+        HeadwayError: for another suffix, or where nothing can be written.
     """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _SUFFIXES:
-        given = suffix or "a file without suffix"
-        raise HeadwayError(f"{path}: a figure cannot be written as {given}; allowed are {', '.join(_SUFFIXES)}")
+        kind = suffix or "a file without suffix"
+        raise HeadwayError(f"{path}: a figure cannot be written as {kind}; allowed are {', '.join(_SUFFIXES)}")
     # without a date the same figure gives the same file
     stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
     with writing(path) as unfinished:

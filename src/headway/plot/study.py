@@ -27,7 +27,13 @@ _BINS = 24
 
 
 def picture(dataset: xr.Dataset, metric: str | None = None, stability: xr.Dataset | None = None) -> Figure:
-    """The figure that fits: a map over two or three axes, else lines; see `study_map` and `study_lines`."""
+    """Draw a study: a map over two or three axes, else lines; see `study_map` and `study_lines`.
+
+    Args:
+        dataset: of `Study.run`.
+        metric: name of a metric; the first one if None.
+        stability: of `Study.stability`, for a map.
+    """
     axes = _axes(dataset)
     gridded = [a for a in axes if a in dataset.dims and dataset[a].dtype.kind in "fi"]
     return study_map(dataset, metric, stability=stability) if len(gridded) >= 2 else study_lines(dataset, metric)
@@ -44,19 +50,19 @@ def study_map(
     vehicle: int = -1,
     stability: xr.Dataset | None = None,
 ) -> Figure:
-    """Heat map of a metric over two axes of a grid, one panel for each value of a third.
+    """Draw a metric as a heat map over two axes of a grid, one panel for each value of a third.
 
     Args:
-        dataset: What `Study.run` gave for a grid.
+        dataset: Of `Study.run` over a grid.
         metric: Name of a metric; the first one if None.
         x: Axis to the right; the first one with numbers if None.
         y: Axis upwards; the next one with numbers if None.
         panel: Axis of the panels; the first other one if None. Nine panels fit: of more values, nine
-            are taken evenly.
-        at: Values of axes that are not drawn, or a list of values of `panel`. What is not given is
-            taken at its first value.
+            are drawn evenly.
+        at: Values of axes that are not drawn, or a list of values of `panel`. Other axes count at
+            their first value.
         vehicle: Number of the vehicle, -1 the last.
-        stability: What `Study.stability` gave for the same study: its boundaries of string stability
+        stability: Of `Study.stability` for the same study: its boundaries of string stability
             (line) and local stability (dashes) are drawn over the map.
 
     Returns:
@@ -88,8 +94,8 @@ def study_map(
     if panel and count < dataset.sizes[panel]:
         parts.append(f"{count} of {dataset.sizes[panel]} values of {panel}")
     if parts:
-        told = ", ".join(parts)
-        warnings.warn(f"the map shows {told} only; choose others with study_map(…, at={{…}})", HeadwayWarning, 2)
+        words = ", ".join(parts)
+        warnings.warn(f"the map shows {words} only; choose others with study_map(…, at={{…}})", HeadwayWarning, 2)
     columns = min(count, _COLUMNS)
     rows = math.ceil(count / columns)
     figure = style.new_figure(0.6 + 2.9 * rows if count > 1 else 4.4, _title(dataset, [*chosen, *parts]))
@@ -123,9 +129,18 @@ def study_map(
 
 
 def study_lines(dataset: xr.Dataset, metric: str | None = None, x: str | None = None, *, vehicle: int = -1) -> Figure:
-    """A metric along one axis. Every other variation becomes a band: the median, and 5 to 95 % of the points.
+    """Draw a metric along one axis; every other variation becomes a band of 5 to 95 % around the median.
 
-    Points of a design are gathered in equal parts of the range of `x`; of a grid, at its values.
+    Points of a design are gathered in equal parts of the range of `x`; those of a grid at its values.
+
+    Args:
+        dataset: Of `Study.run`.
+        metric: Name of a metric; the first one if None.
+        x: Axis to the right; the longest one with numbers if None.
+        vehicle: Number of the vehicle, -1 the last.
+
+    Raises:
+        HeadwayError: For names that the dataset does not have, or without an axis with numbers.
     """
     metric, values = _values(dataset, metric, vehicle)
     numeric = [a for a in _axes(dataset) if dataset[a].dtype.kind in "fi"]
@@ -147,12 +162,12 @@ def study_lines(dataset: xr.Dataset, metric: str | None = None, x: str | None = 
     else:
         part, middle = np.searchsorted(places, at), places
     groups = [y[(part == i) & np.isfinite(y)] for i in range(middle.size)]
-    known = [i for i, g in enumerate(groups) if g.size]
-    lines = np.array([np.quantile(groups[i], (0.05, 0.5, 0.95)) for i in known]).T.reshape(3, -1)
-    band = any(groups[i].size > 1 for i in known)
+    filled = [i for i, g in enumerate(groups) if g.size]
+    lines = np.array([np.quantile(groups[i], (0.05, 0.5, 0.95)) for i in filled]).T.reshape(3, -1)
+    band = any(groups[i].size > 1 for i in filled)
     if band:
-        ax.fill_between(middle[known], lines[0], lines[2], color="#9ecae1", alpha=0.7, linewidth=0, zorder=2)
-    ax.plot(middle[known], lines[1], color="#08519c", linewidth=1.4, zorder=3)
+        ax.fill_between(middle[filled], lines[0], lines[2], color="#9ecae1", alpha=0.7, linewidth=0, zorder=2)
+    ax.plot(middle[filled], lines[1], color="#08519c", linewidth=1.4, zorder=3)
     style.axes_style(ax)
     ax.set_xlabel(_label(x), fontsize=style.SMALL)
     ax.set_ylabel(_meaning(dataset, metric, vehicle), fontsize=style.SMALL)
@@ -164,7 +179,7 @@ def study_lines(dataset: xr.Dataset, metric: str | None = None, x: str | None = 
 
 
 def _paired(dataset: xr.Dataset, x: str, values: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
-    """Places and values of all points, side by side."""
+    """Return places and values of all points, side by side."""
     import xarray as xr
 
     at, y = xr.broadcast(dataset[x], values)
@@ -178,7 +193,7 @@ def _axes(dataset: xr.Dataset) -> list[str]:
 
 
 def _values(dataset: xr.Dataset, metric: str | None, vehicle: int) -> tuple[str, xr.DataArray]:
-    """The metric and its values over the points, of one vehicle."""
+    """Return the metric and its values over the points, of one vehicle."""
     points = set(dataset["status"].dims) if "status" in dataset else set()
     allowed = [
         str(n) for n, v in dataset.data_vars.items()
@@ -208,11 +223,11 @@ def _heat(ax: Axes, dataset: xr.Dataset, values: xr.DataArray, x: str, y: str, l
 
 
 def _boundaries(ax: Axes, theory: xr.Dataset, x: str, y: str) -> None:
-    """Where margins are zero."""
+    """Draw the lines on which margins are zero."""
     for name, dashes in (("margin", "solid"), ("decay_rate", "dashed")):
         margin = theory[name].transpose(y, x).values
-        known = margin[np.isfinite(margin)]
-        if known.size and known.min() < 0 < known.max() and min(margin.shape) > 1:
+        finite = margin[np.isfinite(margin)]
+        if finite.size and finite.min() < 0 < finite.max() and min(margin.shape) > 1:
             lines = ax.contour(
                 theory[x].values, theory[y].values, margin, levels=[0.0], colors="white", linewidths=1.6,
                 linestyles=dashes,
@@ -227,15 +242,15 @@ def _rim() -> list[Any]:
 
 
 def _selected(dataset: xr.Dataset, at: Mapping[str, Any] | None) -> tuple[xr.Dataset, list[str]]:
-    """The part of a dataset at chosen values of its axes, and what was chosen in words."""
+    """Return the part of a dataset at some values of its axes, and these values in words."""
     words = []
-    for name, wanted in (at or {}).items():
+    for name, choice in (at or {}).items():
         if name not in dataset.status.dims or name not in dataset.coords:
             raise unknown_name("at: axis", name, [str(d) for d in dataset.status.dims if d in dataset.coords])
         values = dataset[name].values
-        several = isinstance(wanted, list | tuple | np.ndarray)
+        several = isinstance(choice, list | tuple | np.ndarray)
         places: list[int] = []
-        for value in wanted if several else [wanted]:
+        for value in choice if several else [choice]:
             places += np.flatnonzero(values == value)[:1].tolist() or [_missing(name, value, values)]
         dataset = dataset.isel({name: places if several else places[0]})
         if not several:

@@ -43,13 +43,13 @@ CROSS: dict[str, Any] = {
 KEYED = 8
 
 
-#: how a point that somebody asked about is marked
+#: how a point of interest is marked
 POINT: dict[str, Any] = {
     "linestyle": "none", "marker": "*", "markerfacecolor": "white", "markeredgecolor": "black", "markersize": 10.0,
     "markeredgewidth": 1.0,
 }  # fmt: skip
 
-#: colour and dashes of few curves that are told apart by name, dark to light
+#: colours and dashes of few curves, each with its name, dark to light
 SERIES: tuple[dict[str, Any], ...] = (
     {"color": "black", "linestyle": "-"},
     {"color": "#0072b2", "linestyle": (0, (5, 1.5))},
@@ -64,14 +64,25 @@ _FILLS = ("#44546f", "#e3985a", "#dcecf5")
 
 
 def class_look(code: int, count: int) -> dict[str, Any]:
-    """Look of the area of one of `count` classes by code: 0 is where there is no answer, the last one is the best."""
+    """Return the look of the area of a class of verdicts.
+
+    Args:
+        code: of the class; 0 is "no answer", the last one the best.
+        count: number of classes.
+    """
     if code == 0:
         return {"facecolor": "white", "edgecolor": "0.6", "hatch": "/////", "linewidth": 0.0}
     return {"facecolor": _FILLS[code - count], "edgecolor": "none", "linewidth": 0.0}
 
 
 def new_figure(height: float, title: str = "", subtitle: str = "") -> Figure:
-    """An empty figure of the printed width and `height` [in], `title` above everything, `subtitle` wrapped beneath."""
+    """Return an empty figure of the printed width.
+
+    Args:
+        height: of the figure [in].
+        title: above everything.
+        subtitle: small and wrapped, beneath the title.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained", facecolor="white")
@@ -85,7 +96,14 @@ def new_figure(height: float, title: str = "", subtitle: str = "") -> Figure:
 
 
 def canvas(ax: Axes | None, height: float, title: str, subtitle: str = "") -> tuple[Figure, Axes]:
-    """The given axes and their figure, or new ones under a title."""
+    """Return the figure of axes and these axes, or new ones under a title.
+
+    Args:
+        ax: the axes; None for a new figure.
+        height: of a new figure [in].
+        title: of a new figure.
+        subtitle: of a new figure.
+    """
     if ax is not None:
         return ax.get_figure(root=True), ax  # type: ignore[return-value]  # axes given have a figure
     figure = new_figure(height, title, subtitle)
@@ -93,26 +111,26 @@ def canvas(ax: Axes | None, height: float, title: str, subtitle: str = "") -> tu
 
 
 def series(count: int) -> list[dict[str, Any]]:
-    """Looks of so many curves: dashes of their own for few, colours from dark to light for many."""
+    """Return the looks of `count` curves: dashes of their own for few, colours from dark to light for many."""
     if count <= len(SERIES):
         return [{**look, "linewidth": 1.4} for look in SERIES[:count]]
     return [{"color": colour, "linewidth": 1.2} for colour in cars_map()(np.linspace(0.0, 1.0, count))]
 
 
 def wrapped(text: str, width: float) -> str:
-    """`text` on lines that fit into `width` [in] in small print."""
+    """Return `text` on lines that fit into `width` [in] in small print."""
     return "\n".join(textwrap.wrap(text, max(int(72.0 * width / (0.52 * SMALL)), 12)))
 
 
 def halo() -> list[Any]:
-    """A white rim that keeps lines and words readable on any ground."""
+    """Return a white rim that keeps lines and words readable on any ground."""
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=2.5, foreground="white")]
 
 
 def axes_style(ax: Axes) -> None:
-    """A thin grid behind the lines, two spines, small labels."""
+    """Give axes a thin grid behind the lines, two spines and small labels."""
     ax.grid(True, color="0.88", linewidth=0.5)
     ax.set_axisbelow(True)
     for side in ("top", "right"):
@@ -125,22 +143,27 @@ def axes_style(ax: Axes) -> None:
 
 
 def axis_label(dataset: xr.Dataset, name: str) -> str:
-    """Name and unit of a variable as its attributes say, else as the schema does: `Spacing error [m]`."""
+    """Return name and unit of a variable, e.g. `Spacing error [m]`, by its attributes or else by the schema.
+
+    Args:
+        dataset: holds the variable.
+        name: of the variable.
+    """
     attrs = dataset[name].attrs
-    known = {**VARIABLES, **COORDINATES}.get(name)
-    meaning = attrs.get("long_name") or (known.long_name if known else name)
-    units = attrs.get("units", known.unit if known else "")
+    entry = {**VARIABLES, **COORDINATES}.get(name)
+    meaning = attrs.get("long_name") or (entry.long_name if entry else name)
+    units = attrs.get("units", entry.unit if entry else "")
     words = re.split("[:,;]", str(meaning))[0]
     return f"{words[:1].upper()}{words[1:]}" + (f" [{units}]" if units not in ("", "1") else "")
 
 
 def cars_map() -> Colormap:
-    """Map of the followers, dark ahead and light behind, without the ends that look black or fade on paper."""
+    """Return the colours of followers, dark ahead and light behind, without ends that look black or white."""
     return _part_of("viridis", 0.1, 0.87)
 
 
 def speed_map() -> Colormap:
-    """Map of speeds, light where slow and dark where fast."""
+    """Return the colours of speeds, light where slow and dark where fast."""
     return _part_of("plasma_r", 0.12, 1.0)
 
 
@@ -152,9 +175,12 @@ def _part_of(name: str, low: float, high: float) -> Colormap:
 
 
 def key_above(ax: Axes, entries: Mapping[str, Any], heading: str = "") -> None:
-    """A key above the axes: for each label the look of its line or area, or None for a mere word; rows as width needs.
+    """Draw a key above axes, on as many rows as the width needs.
 
-    A `heading` stands on a row of its own above.
+    Args:
+        ax: the axes.
+        entries: the look of a line or an area by label; None for a mere word.
+        heading: stands on a row of its own above.
     """
     from matplotlib.lines import Line2D
     from matplotlib.offsetbox import AnchoredOffsetbox, DrawingArea, HPacker, TextArea, VPacker
@@ -193,7 +219,7 @@ def key_above(ax: Axes, entries: Mapping[str, Any], heading: str = "") -> None:
 
 
 def cars_bar(ax: Axes, first: int, last: int) -> None:
-    """A colour bar instead of a key, for cars `first` … `last`."""
+    """Draw a colour bar instead of a key, for cars `first` … `last`."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.ticker import MaxNLocator
@@ -205,7 +231,7 @@ def cars_bar(ax: Axes, first: int, last: int) -> None:
 
 
 def bar_style(bar: Any, label: str) -> None:
-    """Small labels and a thin frame for a colour bar."""
+    """Give a colour bar its label, small ticks and a thin frame."""
     bar.set_label(label, fontsize=SMALL)
     bar.ax.tick_params(labelsize=SMALL, color="0.4", width=0.6, length=2.5)
     bar.outline.set(edgecolor="0.4", linewidth=0.5)

@@ -1,4 +1,4 @@
-"""Figures of linear theory: gain and phase, characteristic roots, answers in time, damping."""
+"""Figures of linear theory: gain and phase, characteristic roots, responses in time, damping."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from headway.theory.linear import Linear
 
-__all__ = ["damping", "gain_phase", "responses", "root_locus", "said"]
+__all__ = ["damping", "gain_phase", "responses", "root_locus", "vehicle_title"]
 
 #: delays [s] that are drawn beside the vehicle's own
 _DELAYS = (0.0, 0.5, 1.0, 1.5)
@@ -31,15 +31,19 @@ _ROOTS = 10
 def gain_phase(
     linear: Linear | Mapping[str, Linear], delays: Sequence[float] | None = None, *, omega: float | None = None
 ) -> Figure:
-    """|G(iω)| and the phase lag [rad] against the frequency [rad/s], a curve for each delay or each vehicle.
+    """Draw |G(iω)| and the phase lag [rad] over the frequency [rad/s], a curve for each delay or each vehicle.
 
-    linear: of `headway.linearize`, or several by name.
-    delays: [s] of one vehicle; its pattern of delays is scaled to these longest ones, all on-board
-        signals alike if none is late. By default 0, 0.5, 1 and 1.5 s and the vehicle's own.
-    omega: a frequency [rad/s] to be marked, that of a disturbance.
-
-    Peaks are marked where |G| exceeds 1. A vehicle that is locally unstable has no steady answer, of which |G|
+    Peaks are marked where |G| exceeds 1. A vehicle that is locally unstable has no steady response, of which |G|
     would be the size: its curves are faint and the key says so.
+
+    Args:
+        linear: of `headway.linearize`, or several by name.
+        delays: [s] of one vehicle, at least 0; its pattern of delays is scaled to these longest ones, all on-board
+            signals alike if none is late. By default 0, 0.5, 1 and 1.5 s and the vehicle's own.
+        omega: a frequency [rad/s] above 0 to be marked, that of a disturbance.
+
+    Raises:
+        HeadwayError: for delays or frequencies out of range, or delays beside several vehicles.
     """
     curves = _curves(linear, delays)
     if omega is not None and not (math.isfinite(omega) and omega > 0):
@@ -47,7 +51,7 @@ def gain_phase(
     title = "Gain and phase lag per vehicle"
     entries: dict[str, Any] = {}
     if not isinstance(linear, Mapping):
-        title = f"{said(linear, late=False)}: gain and phase lag per vehicle"
+        title = f"{vehicle_title(linear, late=False)}: gain and phase lag per vehicle"
         entries["Delay"] = None
     figure = style.new_figure(4.8, title)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
@@ -59,13 +63,13 @@ def gain_phase(
         above.plot(w, gain, alpha=faint, zorder=3, **look)
         below.plot(w, lin.phase_lag(w), alpha=faint, zorder=3, **look)
         loudest = max(loudest, float(gain.max()))
-        told = name
+        label = name
         if not stable:
-            told += " (locally unstable)"
+            label += " (locally unstable)"
         elif lin.peak.gain > 1.0 + 1e-6 and w[0] <= lin.peak.frequency <= w[-1]:
             above.plot([lin.peak.frequency], [lin.peak.gain], marker="o", markersize=4.5, color=look["color"], zorder=4)
-            told += f" (peak {lin.peak.gain:.3g} at {lin.peak.frequency:.2g} rad/s)"
-        entries[told] = {**look, "alpha": faint}
+            label += f" (peak {lin.peak.gain:.3g} at {lin.peak.frequency:.2g} rad/s)"
+        entries[label] = {**look, "alpha": faint}
     above.axhline(1.0, color="0.35", linewidth=0.8, zorder=2)
     for ax in (above, below):
         style.axes_style(ax)
@@ -88,11 +92,19 @@ def gain_phase(
 
 
 def root_locus(linear: Linear, delays: Any = (0.0, 3.0), ax: Axes | None = None) -> Figure:
-    """The rightmost characteristic roots [1/s] as the delay grows, coloured by it.
+    """Draw the rightmost characteristic roots [1/s] as the delay grows, coloured by it.
 
-    delays: a range (low, high) or (low, high, count) [s], or rising values; the vehicle's pattern of delays is
-        scaled to these longest ones. Rings are the roots at the first delay; conjugate roots lie beneath the
-        real axis. Where the vehicle becomes locally unstable within the range, the crossing is marked.
+    Rings are the roots at the first delay; conjugate roots lie beneath the real axis and are left out. Where the
+    vehicle becomes locally unstable within the range, the crossing is marked.
+
+    Args:
+        linear: of `headway.linearize`.
+        delays: a range (low, high) or (low, high, count) [s], or rising values, from 0 on; the vehicle's pattern of
+            delays is scaled to these longest ones.
+        ax: axes to draw on, without a title; a figure of its own if None.
+
+    Raises:
+        HeadwayError: for delays out of range.
     """
     from headway.theory.map import axis
 
@@ -101,13 +113,13 @@ def root_locus(linear: Linear, delays: Any = (0.0, 3.0), ax: Axes | None = None)
     if values[0] < 0:
         raise HeadwayError(f"delay: {values[0]:g} s is not allowed; it must be 0 or more")
     unit = linear.slowed(1.0).vehicle.perception.longest
-    found = [_upper(linear.slowed(float(t) / unit)) for t in values]
-    tau = np.concatenate([np.full(r.size, t) for t, r in zip(values, found, strict=True)])
-    roots = np.concatenate(found)
-    title = f"{said(linear, late=False)}: characteristic roots as the delay grows"
+    roots_by_delay = [_upper(linear.slowed(float(t) / unit)) for t in values]
+    tau = np.concatenate([np.full(r.size, t) for t, r in zip(values, roots_by_delay, strict=True)])
+    roots = np.concatenate(roots_by_delay)
+    title = f"{vehicle_title(linear, late=False)}: characteristic roots as the delay grows"
     figure, ax = style.canvas(ax, 3.6, title)
     dots = ax.scatter(roots.real, roots.imag, c=tau, cmap=style.cars_map(), s=7.0, linewidths=0, zorder=3)
-    first = found[0]
+    first = roots_by_delay[0]
     ring: dict[str, Any] = {
         "linestyle": "none", "marker": "o", "markerfacecolor": "none", "markeredgecolor": "black", "markersize": 5.5,
     }  # fmt: skip
@@ -119,7 +131,7 @@ def root_locus(linear: Linear, delays: Any = (0.0, 3.0), ax: Axes | None = None)
         entries[f"crossing at {critical:.4g} s, {abs(at.imag):.3g} rad/s"] = {**style.POINT, "markersize": 9.0}
         ax.plot([0.0], [abs(at.imag)], **style.POINT, zorder=5)
     # what matters are the roots that lead; delays bring endless others from the far left
-    leaders = np.array([r[np.argmax(r.real)] for r in found])
+    leaders = np.array([r[np.argmax(r.real)] for r in roots_by_delay])
     leading = leaders.real
     width = max(float(np.ptp(leading)), float(np.abs(leading).max()), 0.05)
     still = linear.slowed(0.0).roots.roots
@@ -139,17 +151,20 @@ def root_locus(linear: Linear, delays: Any = (0.0, 3.0), ax: Axes | None = None)
 
 
 def responses(linear: Linear) -> Figure:
-    """Speed after a unit impulse and a unit step of the speed ahead, with what the L∞ norm says of peaks.
+    """Draw the speed after a unit impulse and a unit step of the speed ahead, with the L∞ norm in words.
 
     Where the impulse response is below 0 it is filled; impulses that pass straight through are arrows
     with their weights.
+
+    Args:
+        linear: of `headway.linearize`.
     """
     _is_linear(linear)
     end = _settled(linear)
     t = np.linspace(0.0, end, 1500)
     impulse, step = linear.impulse_response(t), linear.step_response(t)
     figure = style.new_figure(
-        3.2, f"{said(linear)}: answer to an impulse and a step of the speed ahead", _peaks(linear)
+        3.2, f"{vehicle_title(linear)}: answer to an impulse and a step of the speed ahead", _peaks(linear)
     )
     left, right = figure.subplots(1, 2)
     left.plot(t, impulse, color="black", linewidth=1.2, zorder=3)
@@ -191,10 +206,17 @@ def responses(linear: Linear) -> Figure:
 
 
 def damping(ratios: Sequence[float] = (0.1, 1.0, 2.0), ax: Axes | None = None) -> Figure:
-    """How a follower's gap returns to equilibrium: y'' + 2 ξ ω0 y' + ω0² y = 0 from rest at y = 1, by damping ratio ξ.
+    """Draw how a follower's gap returns to equilibrium by damping ratio ξ: y'' + 2 ξ ω0 y' + ω0² y = 0 from y = 1.
 
-    Time in units of 1/ω0. Overdamped gaps neither cross the equilibrium nor swing; the slower of their two
+    Time is in units of 1/ω0. Overdamped gaps neither cross the equilibrium nor swing; the slower of their two
     decays leads, and critically damped ones are back first (the paper's fig:damping, by computation).
+
+    Args:
+        ratios: damping ratios above 0.
+        ax: axes to draw on, without a title; a figure of its own if None.
+
+    Raises:
+        HeadwayError: for ratios that are not above 0.
     """
     if not len(ratios) or not all(0 < float(xi) < math.inf for xi in ratios):
         raise HeadwayError(f"damping ratios must be above 0, not {shorten(tuple(ratios))}")
@@ -213,12 +235,17 @@ def damping(ratios: Sequence[float] = (0.1, 1.0, 2.0), ax: Axes | None = None) -
     return figure
 
 
-def said(linear: Linear, late: bool = True) -> str:
-    """Which vehicle, at which speed, and (unless `late` is false) with which delays."""
+def vehicle_title(linear: Linear, late: bool = True) -> str:
+    """Name a vehicle with its speed and its delays.
+
+    Args:
+        linear: the vehicle.
+        late: whether to name the delays.
+    """
     delay = linear.vehicle.delay
     pattern = f"{delay:g} s" if isinstance(delay, float) else ", ".join(f"{n} {t:g} s" for n, t in delay)
-    told = f", delay {pattern}" if late and linear.vehicle.perception.longest > 0 else ""
-    return f"{linear.vehicle.model.name} at {linear.speed:g} m/s{told}"
+    suffix = f", delay {pattern}" if late and linear.vehicle.perception.longest > 0 else ""
+    return f"{linear.vehicle.model.name} at {linear.speed:g} m/s{suffix}"
 
 
 def _is_linear(linear: Any) -> None:
@@ -229,7 +256,7 @@ def _is_linear(linear: Any) -> None:
 
 
 def _curves(linear: Linear | Mapping[str, Linear], delays: Sequence[float] | None) -> list[tuple[str, Linear]]:
-    """Name and vehicle of each curve."""
+    """Return name and vehicle of each curve."""
     if isinstance(linear, Mapping):
         if delays is not None:
             raise HeadwayError("delays belong to one vehicle; vehicles by name are drawn with their own delays")
@@ -248,7 +275,7 @@ def _curves(linear: Linear | Mapping[str, Linear], delays: Sequence[float] | Non
 
 
 def _frequencies(linears: Sequence[Linear], omega: float | None) -> Array:
-    """Frequencies [rad/s] from where all is slow to where all gains are faint."""
+    """Return frequencies [rad/s] from slow motion up to where all gains are faint."""
     marked = [w for w in (omega, *(lin.peak.frequency for lin in linears)) if w is not None and 0.0 < w < math.inf]
     sweep = np.geomspace(1e-2, 10.0, 600)
     heard = np.max([lin.gain(sweep) for lin in linears], axis=0) > _FAINT
@@ -258,7 +285,7 @@ def _frequencies(linears: Sequence[Linear], omega: float | None) -> Array:
 
 
 def _upper(linear: Linear) -> NDArray[np.complex128]:
-    """Rightmost roots that are not beneath the real axis."""
+    """Return the rightmost roots that are not beneath the real axis."""
     from headway.theory.roots import rightmost
 
     roots = rightmost(linear.characteristic, _ROOTS).roots
@@ -266,7 +293,7 @@ def _upper(linear: Linear) -> NDArray[np.complex128]:
 
 
 def _oscillator(t: Array, xi: float) -> Array:
-    """y(t) from y = 1 at rest, time in 1/ω0."""
+    """Return y(t) from y = 1 at rest, time in 1/ω0."""
     if xi == 1.0:
         return (1.0 + t) * np.exp(-t)
     root = np.sqrt(complex(xi * xi - 1.0))
@@ -275,7 +302,7 @@ def _oscillator(t: Array, xi: float) -> Array:
 
 
 def _settled(linear: Linear) -> float:
-    """Time [s] after which the answer to a step has come to rest; of one that grows, what shows it."""
+    """Return the time [s] after which the response to a step is at rest; for one that grows, long enough to show it."""
     rate = linear.decay_rate
     if rate <= 0:
         return min(4.0 / max(-rate, 1e-2), 120.0)
@@ -287,7 +314,7 @@ def _settled(linear: Linear) -> float:
 
 
 def _peaks(linear: Linear) -> str:
-    """What the L∞ norm says, in words."""
+    """Say in words what the L∞ norm means for peaks."""
     if not linear.locally_stable:
         return "Locally unstable: the answer grows without end."
     norm = linear.impulse_norm

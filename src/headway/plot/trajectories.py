@@ -1,8 +1,8 @@
-"""Figures of trajectories: what each car did, readable in print and without colour.
+"""Figures of trajectories: the motion of each car, readable in print and without colour.
 
 Every function draws a dataset of `headway.simulate` (dimensions vehicle and time, units in the
-attributes) and returns a `matplotlib.figure.Figure` that belongs to no window. Given axes are drawn
-on instead, without a title. Collisions are marked with a cross where a car
+attributes) and returns a `matplotlib.figure.Figure` that belongs to no window, or draws on axes of
+a figure, without a title. Collisions are marked with a cross where a car
 met the one ahead. `HeadwayError` says which variable a dataset lacks.
 """
 
@@ -37,30 +37,53 @@ _SEGMENTS = 200_000
 
 
 def speeds(dataset: xr.Dataset, ax: Axes | None = None) -> Figure:
-    """Speed [m/s] of every car over time [s]."""
+    """Draw the speed [m/s] of every car over time [s].
+
+    Args:
+        dataset: trajectories of `headway.simulate`.
+        ax: axes to draw on, without a title; a figure of its own if None.
+    """
     return _one(dataset, "speed", ax)
 
 
 def accelerations(dataset: xr.Dataset, ax: Axes | None = None) -> Figure:
-    """Acceleration [m/s²] of every car over time [s]."""
+    """Draw the acceleration [m/s²] of every car over time [s].
+
+    Args:
+        dataset: trajectories of `headway.simulate`.
+        ax: axes to draw on, without a title; a figure of its own if None.
+    """
     return _one(dataset, "acceleration", ax)
 
 
 def gaps(dataset: xr.Dataset, ax: Axes | None = None) -> Figure:
-    """Gap [m], bumper to bumper, of every pair of cars over time [s]."""
+    """Draw the gap [m], bumper to bumper, of every pair of cars over time [s].
+
+    Args:
+        dataset: trajectories of `headway.simulate`.
+        ax: axes to draw on, without a title; a figure of its own if None.
+    """
     return _one(dataset, "gap", ax)
 
 
 def spacing_errors(dataset: xr.Dataset, ax: Axes | None = None) -> Figure:
-    """Spacing error [m], gap minus gap at the start, of every pair of cars over time [s]."""
+    """Draw the spacing error [m], gap minus gap at the start, of every pair of cars over time [s].
+
+    Args:
+        dataset: trajectories of `headway.simulate`.
+        ax: axes to draw on, without a title; a figure of its own if None.
+    """
     return _one(dataset, "spacing_error", ax)
 
 
 def time_space(dataset: xr.Dataset, ax: Axes | None = None, moving: bool | None = None) -> Figure:
-    """Position [m] of every car over time [s], coloured by speed [m/s].
+    """Draw the position [m] of every car over time [s], coloured by speed [m/s].
 
-    `moving` subtracts the leader's mean speed, which shows waves in a platoon that drives steadily;
-    if None that is done where the leader's speed stays within a quarter of its mean.
+    Args:
+        dataset: trajectories of `headway.simulate`.
+        ax: axes to draw on, without a title; a figure of its own if None.
+        moving: whether to subtract the leader's mean speed, which shows waves in a platoon that drives steadily;
+            if None, it is subtracted where the leader's speed stays within a quarter of its mean.
     """
     from matplotlib.collections import LineCollection
 
@@ -81,11 +104,11 @@ def time_space(dataset: xr.Dataset, ax: Axes | None = None, moving: bool | None 
     points = np.stack(np.broadcast_arrays(t, x), axis=-1)
     segments = np.stack((points[:, :-1], points[:, 1:]), axis=2).reshape(-1, 2, 2)
     colours = (0.5 * (v[:, :-1] + v[:, 1:])).ravel()
-    known = np.isfinite(segments).all(axis=(1, 2)) & np.isfinite(colours)
+    finite = np.isfinite(segments).all(axis=(1, 2)) & np.isfinite(colours)
     lines = LineCollection(
-        list(segments[known]), cmap=style.speed_map(), linewidths=_crowded_width(x), capstyle="round", rasterized=True
+        list(segments[finite]), cmap=style.speed_map(), linewidths=_crowded_width(x), capstyle="round", rasterized=True
     )
-    lines.set_array(colours[known])
+    lines.set_array(colours[finite])
     ax.add_collection(lines)
     ax.autoscale_view()
     ax.margins(x=0)
@@ -98,7 +121,11 @@ def time_space(dataset: xr.Dataset, ax: Axes | None = None, moving: bool | None 
 
 
 def overview(dataset: xr.Dataset) -> Figure:
-    """Four views of one run: speeds, spacing errors, gaps, and positions coloured by speed."""
+    """Draw four views of one run: speeds, spacing errors, gaps, and positions coloured by speed.
+
+    Args:
+        dataset: trajectories of `headway.simulate`.
+    """
     _check(dataset, "speed", "spacing_error", "gap", "position")
     figure = style.new_figure(5.6, _title(dataset))
     axes = figure.subplots(2, 2, sharex=True)
@@ -112,10 +139,17 @@ def overview(dataset: xr.Dataset) -> Figure:
 
 
 def comparison(datasets: Mapping[str, xr.Dataset], what: Sequence[str] = ("spacing_error", "speed")) -> Figure:
-    """One row for each of `datasets`, named by its key, and one column for each variable in `what`.
+    """Draw several runs, one row each, with one column for each variable.
 
-    The time axis [s] is shared; values keep the scale of their own run, as models differ by orders
+    The time axis [s] is shared; values have the scale of their own run, as models differ by orders
     of magnitude.
+
+    Args:
+        datasets: trajectories by the name of their row.
+        what: names of variables.
+
+    Raises:
+        HeadwayError: without a dataset or a variable, or where a dataset lacks one.
     """
     if not datasets or not what:
         raise HeadwayError("comparison needs at least one dataset and one variable")
@@ -170,18 +204,18 @@ def _check(dataset: xr.Dataset, *names: str) -> None:
 
 
 def _values(dataset: xr.Dataset, name: str) -> Array:
-    """Values (vehicle, time) of a variable."""
+    """Return the values (vehicle, time) of a variable."""
     return np.asarray(dataset[name].transpose("vehicle", "time").values, dtype=float)
 
 
 def _drawn(dataset: xr.Dataset, name: str) -> list[int]:
-    """Rows that are drawn: all cars, or those with a car ahead."""
+    """Return the rows to draw: all cars, or those with a car ahead."""
     cars = dataset["vehicle"].values
     return [row for row, car in enumerate(cars) if car != 0 or name not in _OF_PAIRS]
 
 
 def _colours(dataset: xr.Dataset) -> list[Any]:
-    """Colour of each row: the leader's, and the followers' from front to back."""
+    """Return the colour of each row: the leader's, and the followers' from front to back."""
     cars = dataset["vehicle"].values
     first, last = _followers(dataset)
     shade = style.cars_map()
@@ -190,13 +224,13 @@ def _colours(dataset: xr.Dataset) -> list[Any]:
 
 
 def _followers(dataset: xr.Dataset) -> tuple[int, int]:
-    """The first and the last follower's number."""
+    """Return the first and the last follower's number."""
     cars = [int(car) for car in dataset["vehicle"].values if car != 0] or [1]
     return min(cars), max(cars)
 
 
 def _lines(ax: Axes, dataset: xr.Dataset, name: str, keyed: bool = True) -> None:
-    """One line for each car or pair over time, with axes, collisions and (if `keyed`) what names the lines."""
+    """Draw one line for each car or pair over time, with axes, collisions and (if `keyed`) a key."""
     from matplotlib.collections import LineCollection
 
     rows, colours = _drawn(dataset, name), _colours(dataset)
@@ -226,7 +260,7 @@ def _lines(ax: Axes, dataset: xr.Dataset, name: str, keyed: bool = True) -> None
 
 
 def _key(ax: Axes, dataset: xr.Dataset, name: str, crosses: bool) -> None:
-    """Say which line is whose: by name for few cars, by a colour bar for many; and what crosses are."""
+    """Draw the key of the lines, by name for few cars, a colour bar for many; and of the crosses."""
     rows, cars, colours = _drawn(dataset, name), dataset["vehicle"].values, _colours(dataset)
     pairs = name in _OF_PAIRS
     entries: dict[str, Any] = {}
@@ -246,12 +280,12 @@ def _key(ax: Axes, dataset: xr.Dataset, name: str, crosses: bool) -> None:
 
 
 def _line_width(count: int) -> float:
-    """Width [pt] of lines of which there are `count`."""
+    """Return the width [pt] of `count` lines."""
     return float(np.clip(6.0 / count**0.5, 0.35, 1.3))
 
 
 def _crowded_width(position: Array) -> float:
-    """Width [pt] of trajectories in a panel about 150 points high, so that neighbours stay apart."""
+    """Return the width [pt] of trajectories in a panel about 150 points high, so that neighbours stay apart."""
     extent = float(np.nanmax(position) - np.nanmin(position))
     spacing = np.abs(np.diff(position, axis=0))
     if not extent > 0 or not np.isfinite(spacing).any():
@@ -260,7 +294,7 @@ def _crowded_width(position: Array) -> float:
 
 
 def _thin(time: Array, values: Array) -> tuple[Array, Array]:
-    """Times and values (line, point) that draw the same picture with fewer points: extremes are kept."""
+    """Return fewer times and values (line, point) that draw the same picture: extremes stay."""
     size = int(np.clip(_POINTS // max(len(values), 1), _LEAST, _MOST))
     if time.size <= size:
         return np.broadcast_to(time, values.shape), values
@@ -279,7 +313,7 @@ def _thin(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _collisions(dataset: xr.Dataset) -> list[tuple[int, float]]:
-    """Row and time [s] of every collision within the times of the dataset."""
+    """Return row and time [s] of every collision within the times of the dataset."""
     if "collision_time" not in dataset.variables:
         return []
     moments = np.atleast_1d(np.asarray(dataset["collision_time"].values, dtype=float))
@@ -288,20 +322,20 @@ def _collisions(dataset: xr.Dataset) -> list[tuple[int, float]]:
 
 
 def _mark_collisions(ax: Axes, dataset: xr.Dataset, name: str, frame_speed: float = 0.0) -> None:
-    """A cross where a car met the one ahead, at its last value; few are labelled with the pair."""
+    """Draw a cross where a car met the one ahead, at its last value; few have the pair as label."""
     from matplotlib.patheffects import withStroke
 
-    found = _collisions(dataset)
-    if not found:
+    collisions = _collisions(dataset)
+    if not collisions:
         return
     time, values, cars = dataset["time"].values, _values(dataset, name), dataset["vehicle"].values
-    for row, moment in found:
-        known = np.flatnonzero(np.isfinite(values[row]) & (time <= moment))
-        if not known.size:
+    for row, moment in collisions:
+        finite = np.flatnonzero(np.isfinite(values[row]) & (time <= moment))
+        if not finite.size:
             continue
-        value = values[row, known[-1]] - frame_speed * (time[known[-1]] - time[0])
+        value = values[row, finite[-1]] - frame_speed * (time[finite[-1]] - time[0])
         ax.plot([moment], [value], **style.CROSS, zorder=4, clip_on=False)
-        if len(found) <= style.KEYED:
+        if len(collisions) <= style.KEYED:
             late = moment > 0.9 * time[-1] + 0.1 * time[0]
             ax.annotate(
                 f"{cars[row] - 1}-{cars[row]}", (moment, value), xytext=(-4 if late else 4, 6),

@@ -1,11 +1,11 @@
 """A report: text, tables and figures on one page that needs nothing beside it and no network.
 
-    from headway.plot import report
+    from headway import report
 
     page = report.Report("Title", ("What matters most.",), (report.Section("One", (report.Text(("Words.",)),)),))
     report.write(page, "out/report")
 
-A report knows nothing of simulations: who writes one brings words, numbers and figures.
+A report does not depend on simulations: its author brings words, numbers and figures.
 """
 
 from __future__ import annotations

@@ -20,14 +20,19 @@ _REFERENCE = re.compile(r"url\(#")
 
 
 def svg(picture: Illustration) -> str:
-    """The figure as an SVG file, the same text each time; rasters are drawn at 150 dots an inch."""
+    """Return the figure as the text of an SVG file, equal for equal figures; rasters have 150 dots an inch."""
     with io.StringIO() as text, _settings(picture):
         picture.figure.savefig(text, format="svg", dpi=150, metadata={"Date": None})
         return text.getvalue()
 
 
 def inline(picture: Illustration, drawn: str) -> str:
-    """A drawn figure as an element that shares a page with others: its ids are its own, nothing is outside it."""
+    """Return a figure as an element of a page, with ids of its own and without references to other files.
+
+    Args:
+        picture: the figure with its name.
+        drawn: the text of its SVG file.
+    """
     root = ElementTree.fromstring(drawn)
     prefix = f"{picture.name}-"
     for parent in root.iter():
@@ -48,13 +53,13 @@ def inline(picture: Illustration, drawn: str) -> str:
 
 
 def print_size(picture: Illustration, path: Path) -> None:
-    """Write the figure as PDF or PNG, by the suffix of `path`."""
+    """Write the figure at print size as PDF or PNG, by the suffix of `path`."""
     with _settings(picture):
         export.save(picture.figure, path)
 
 
 def _settings(picture: Illustration) -> Any:
-    """Ids that are the same each time; lines without points that nobody can see; letters as shapes."""
+    """Return settings for equal ids each time, lines without invisible points, and letters as shapes."""
     import matplotlib
 
     return matplotlib.rc_context(
@@ -63,12 +68,12 @@ def _settings(picture: Illustration) -> Any:
 
 
 def _local(name: str) -> str:
-    """A name without its namespace, of which a page has no need."""
+    """Return a name without its namespace, which a page does not need."""
     return name.rpartition("}")[2]
 
 
 def _own(name: str, value: str, prefix: str) -> str:
-    """An attribute's value with ids of its own, and paths to a hundredth of a point."""
+    """Return an attribute's value with ids of its own, and paths to a hundredth of a point."""
     if name == "id":
         return prefix + value
     if name == "href" and value.startswith("#"):

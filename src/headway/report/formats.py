@@ -10,13 +10,13 @@ from markupsafe import Markup, escape
 
 from headway.report.parts import Cell, Table
 
-__all__ = ["blocks", "heading", "html", "markdown_cell", "numeric", "shown", "value"]
+__all__ = ["blocks", "cell_digits", "cell_text", "heading", "html", "markdown_cell", "numeric"]
 
 _MARK = re.compile(r"`([^`]+)`|\*\*(.+?)\*\*")
 
 
 def html(text: str) -> Markup:
-    """Plain words as HTML; `code` and **bold** become elements, all else is escaped."""
+    """Return plain words as HTML: `code` and **bold** become elements, all else is escaped."""
     parts: list[str] = []
     at = 0
     for mark in _MARK.finditer(text):
@@ -28,7 +28,14 @@ def html(text: str) -> Markup:
 
 
 def blocks(paragraphs: tuple[str, ...]) -> Iterator[tuple[bool, list[str]]]:
-    """Runs of paragraphs: (whether they form a list, their words without the leading dash)."""
+    """Yield runs of paragraphs that form a list or do not.
+
+    Args:
+        paragraphs: plain words; an item of a list begins with "- ".
+
+    Yields:
+        (whether the run is a list, its paragraphs without the leading dash).
+    """
     run: list[str] = []
     listed = False
     for paragraph in paragraphs:
@@ -42,8 +49,8 @@ def blocks(paragraphs: tuple[str, ...]) -> Iterator[tuple[bool, list[str]]]:
         yield listed, run
 
 
-def shown(cell: Cell) -> str:
-    """A cell for the eye: four digits, a dash for no number."""
+def cell_text(cell: Cell) -> str:
+    """Return a cell for readers: four digits, a dash for NaN, ∞ for infinite numbers."""
     if isinstance(cell, str):
         return cell
     if math.isinf(cell):
@@ -55,24 +62,29 @@ def shown(cell: Cell) -> str:
     return f"{cell:.4g}".replace("-", "−")
 
 
-def value(cell: Cell) -> str:
-    """A cell for a program: every digit of a number, nothing where there is none."""
+def cell_digits(cell: Cell) -> str:
+    """Return a cell for programs: every digit of a number, nothing for NaN."""
     if isinstance(cell, str):
         return cell
     return "" if math.isnan(cell) else repr(float(cell)) if not isinstance(cell, int) else str(cell)
 
 
 def heading(table: Table, column: int) -> str:
-    """The name of a column with its unit."""
+    """Return the name of a column with its unit.
+
+    Args:
+        table: the table.
+        column: number of the column, from 0 on.
+    """
     unit = table.units[column] if table.units else ""
     return f"{table.columns[column]} [{unit}]" if unit else table.columns[column]
 
 
 def numeric(table: Table) -> list[bool]:
-    """Which columns hold numbers (and perhaps words beside them)."""
+    """Return of each column whether it holds numbers, perhaps with words among them."""
     return [any(not isinstance(row[i], str) for row in table.rows) for i in range(len(table.columns))]
 
 
 def markdown_cell(cell: Cell) -> str:
-    """A cell of a Markdown table."""
-    return shown(cell).replace("|", "\\|").replace("\n", " ")
+    """Return a cell as it stands in a Markdown table."""
+    return cell_text(cell).replace("|", "\\|").replace("\n", " ")

@@ -11,7 +11,13 @@ __all__ = ["markdown"]
 
 
 def markdown(report: Report, tables: dict[int, str], figures: str) -> str:
-    """The report as Markdown with tables in pipes; `tables` are the CSV files by table, `figures` their format."""
+    """Return a report as Markdown with tables in pipes.
+
+    Args:
+        report: the report.
+        tables: path of the CSV file by `id` of the table.
+        figures: suffix of the figures' files.
+    """
     return "\n\n".join(_parts(report, tables, figures)) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""What a report is made of."""
+"""Parts of a report: text, tables, illustrations and sections."""
 
 from __future__ import annotations
 
@@ -15,29 +15,41 @@ if TYPE_CHECKING:
 
 __all__ = ["Block", "Cell", "Illustration", "Report", "Section", "Table", "Text", "slug"]
 
-#: what a table holds: words, or a number that is printed with four digits and written out in full
+#: a cell of a table: words, or a number, with four digits on the page and all of them in the CSV file
 Cell = str | float
 
 
 def slug(words: str) -> str:
-    """`words` as a name for files and anchors: small letters, digits and hyphens, never empty."""
+    """Return `words` as a name for files and anchors: small letters, digits and hyphens, never empty."""
     plain = unicodedata.normalize("NFKD", words).encode("ascii", "ignore").decode().lower()
     return re.sub(r"[^a-z0-9]+", "-", plain).strip("-")[:60].rstrip("-") or "part"
 
 
 @dataclass(frozen=True)
 class Text:
-    """Paragraphs of plain words, in which `code` and **bold** may be marked; those that begin with "- " form a list."""
+    """Paragraphs of plain words.
+
+    Attributes:
+        paragraphs: in which `code` and **bold** may be marked; those that begin with "- " form a list.
+    """
 
     paragraphs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under named columns; the first column names its row.
+    """Rows under named columns; a number that is NaN is shown as a dash (infinite: ∞) and sorted last.
 
-    `units` has one entry for each column or is empty. A number that is not finite is shown as a dash
-    (infinite: ∞) and sorted last. Raises `HeadwayError` where a row is longer or shorter than the others.
+    Attributes:
+        columns: names of the columns; the first column names its row.
+        rows: cells, as many in each row as there are columns.
+        caption: of the table, and of its CSV file.
+        units: one for each column, or none at all.
+        sortable: whether readers of the page can sort the rows.
+        note: words beneath.
+
+    Raises:
+        HeadwayError: where a row or `units` is longer or shorter than `columns`.
     """
 
     columns: tuple[str, ...]
@@ -57,7 +69,17 @@ class Table:
 
 @dataclass(frozen=True)
 class Illustration:
-    """A figure under a name of its own, also that of its file; `alt` says what it shows to those who cannot see it."""
+    """A figure under a name of its own.
+
+    Attributes:
+        name: of small letters, digits and hyphens, also that of its file.
+        figure: the figure.
+        alt: what it shows, for those who cannot see it.
+        caption: words beneath.
+
+    Raises:
+        HeadwayError: for another name, or without `alt`.
+    """
 
     name: str
     figure: Figure
@@ -76,7 +98,14 @@ Block = Text | Table | Illustration
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a report under its own title; `collapsed` shows the title only until it is asked for."""
+    """A part of a report under its own title.
+
+    Attributes:
+        title: of the section.
+        blocks: texts, tables and illustrations.
+        id: where links to the section point; one made of its title if empty.
+        collapsed: whether the page shows the title only until a reader opens it.
+    """
 
     title: str
     blocks: tuple[Block, ...]
@@ -85,16 +114,24 @@ class Section:
 
     @property
     def anchor(self) -> str:
-        """Where links to the section point: its id, or one made of its title."""
+        """The anchor of links to the section: its id, or one made of its title."""
         return self.id or slug(self.title)
 
 
 @dataclass(frozen=True)
 class Report:
-    """A title, what matters most (`summary`), the sections, and what it all rests on.
+    """A report: what matters most, the sections, and their basis.
 
-    `provenance` says name by name what the figures were made with; `data` are files that are written
-    beside the page, by name. Raises `HeadwayError` where two sections or two pictures share a name.
+    Attributes:
+        title: of the report.
+        summary: what matters most, in paragraphs.
+        sections: in their order.
+        provenance: versions and settings that reproduce it, by name.
+        citations: sources.
+        data: contents of files beside the page, by name.
+
+    Raises:
+        HeadwayError: where two sections or two pictures share a name, or a file of data has no plain one.
     """
 
     title: str
@@ -112,21 +149,21 @@ class Report:
                 raise HeadwayError(f"data {name!r}: a file beside the report has a plain name without folders")
 
     def pictures(self) -> Iterator[Illustration]:
-        """All pictures, in order."""
+        """Return all pictures, in order."""
         return (block for section in self.sections for block in section.blocks if isinstance(block, Illustration))
 
     def tables(self) -> dict[str, Table]:
-        """All tables in order, by the name of their file."""
-        found: dict[str, Table] = {}
+        """Return all tables in order, by the name of their file."""
+        tables: dict[str, Table] = {}
         for section in self.sections:
             for block in section.blocks:
                 if isinstance(block, Table):
                     stem = f"{section.anchor}-{slug(block.caption)}"[:80].rstrip("-")
                     name, count = stem, 2
-                    while name in found:
+                    while name in tables:
                         name, count = f"{stem}-{count}", count + 1
-                    found[name] = block
-        return found
+                    tables[name] = block
+        return tables
 
 
 def _unique(what: str, names: list[str]) -> None:

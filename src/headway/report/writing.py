@@ -27,14 +27,23 @@ def write(
     format: Literal["html", "md"] = "html",
     figures: Literal["svg", "png", "pdf"] = "svg",
 ) -> Path:
-    """Write a report into `folder`, which is made if need be; returns the path of the page.
+    """Write a report into a folder.
 
-    `report.html` holds everything a reader needs in itself; `report.md` shows the figures beside it
-    (as SVG where `figures` is pdf). Beside either are `figures/` at print size in the format of
-    `figures`, `tables/` as CSV with all digits, and `data/`. Every file appears complete or not at
-    all, the page last. The same report gives the same bytes.
+    `report.html` needs no other file; `report.md` shows the figures beside it (as SVG where `figures` is
+    "pdf"). Beside either are `figures/` at print size, `tables/` as CSV with all digits, and `data/`. Every file
+    appears complete or not at all, the page last. Equal reports give equal bytes.
 
-    Raises `HeadwayError` for an unknown format or where nothing can be written.
+    Args:
+        report: the report.
+        folder: where to write it; created if it does not exist.
+        format: of the page, "html" or "md".
+        figures: format of the figures beside it, "svg", "png" or "pdf".
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        HeadwayError: for an unknown format, or where nothing can be written.
     """
     if format not in ("html", "md"):
         raise unknown_name("format of a report", format, ("html", "md"))
@@ -81,7 +90,7 @@ def _csv(table: Table) -> str:
     text = io.StringIO()
     sheet = csv.writer(text, lineterminator="\n")
     sheet.writerow([formats.heading(table, i) for i in range(len(table.columns))])
-    sheet.writerows([formats.value(cell) for cell in row] for row in table.rows)
+    sheet.writerows([formats.cell_digits(cell) for cell in row] for row in table.rows)
     return text.getvalue()
 
 
@@ -95,7 +104,9 @@ def _page(report: Report, tables: dict[int, str], figures: str, drawn: dict[str,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    home.filters.update(ident=id, words=formats.html, runs=formats.blocks, shown=formats.shown, value=formats.value)
+    home.filters.update(
+        ident=id, words=formats.html, runs=formats.blocks, shown=formats.cell_text, value=formats.cell_digits
+    )
     home.tests.update({kind.__name__.lower(): _is(kind) for kind in (Text, Table, Illustration)})
     script = home.get_template("page.js").render()
     return home.get_template("page.html").render(
