@@ -15,18 +15,21 @@ seldom = njit(**_alone)
 
 @seldom
 def scale_add(out, x, y, c):
+    """x + c y."""
     for i in range(out.size):
         out[i] = x[i] + c * y[i]
 
 
 @seldom
 def scale_add2(out, x, y, c, z, d):
+    """x + c y + d z."""
     for i in range(out.size):
         out[i] = x[i] + c * y[i] + d * z[i]
 
 
 @fast
 def weigh4(out, a, b, c, d, w):
+    """Weighted sum of four rows."""
     w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
     for i in range(out.size):
         out[i] = w0 * a[i] + w1 * b[i] + w2 * c[i] + w3 * d[i]
@@ -34,6 +37,7 @@ def weigh4(out, a, b, c, d, w):
 
 @seldom
 def weigh5(out, a, b, c, d, e, w):
+    """Weighted sum of five rows."""
     w0, w1, w2, w3, w4 = w[0], w[1], w[2], w[3], w[4]
     for i in range(out.size):
         out[i] = w0 * a[i] + w1 * b[i] + w2 * c[i] + w3 * d[i] + w4 * e[i]
@@ -41,6 +45,7 @@ def weigh5(out, a, b, c, d, e, w):
 
 @seldom
 def clip(out, low, high):
+    """Cut off at least and largest values."""
     for i in range(out.size):
         u = out[i]
         u = low[i] if u < low[i] else u
@@ -49,18 +54,21 @@ def clip(out, low, high):
 
 @seldom
 def times(out, factor):
+    """Multiply in place."""
     for i in range(out.size):
         out[i] *= factor[i]
 
 
 @seldom
 def toward(out, command, actual, lag):
+    """Rate of a first-order actuator: (command - actual)/lag."""
     for i in range(out.size):
         out[i] = (command[i] - actual[i]) / lag[i]
 
 
 @fast
 def copy(out, a):
+    """Copy a row."""
     for i in range(out.size):
         out[i] = a[i]
 

@@ -95,6 +95,7 @@ class Measured(Run):
         return super()._ring_size(first, last) + AT_ONCE
 
     def advance(self, first: int, last: int, row0: int, steps: layout.Steps) -> int:
+        """Make steps as `Run.advance` does, and reduce what they leave."""
         platoon, state = self.plan.platoon, self.state
         silent = steps._replace(flags=steps.flags & ~layout.FLAG_RECORD)
         record = self.mesh.record[self.made : self.made + steps.step.size]

@@ -136,6 +136,7 @@ def lagged_or_pure(out, start, rate, c, before, groups, B):
 
 @seldom
 def end_lagged(out, start, J, h, groups, B):
+    """Accelerations behind a lag at the end of a step, from their rates at its stages."""
     for g in range(groups.shape[0]):
         if groups[g, LAG]:
             a = groups[g, ROW] * B

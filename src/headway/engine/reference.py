@@ -54,8 +54,15 @@ _WEIGHTS = np.where(np.arange(14) % 2, -1.0, 1.0) * np.where(np.arange(14) % 13,
 
 @dataclass(frozen=True)
 class Reference:
-    """Exact trajectories: `time` (T,) [s]; position, speed, acceleration (N+1, T), row 0 the leader, SI units;
-    `collision_time` (N+1,) [s], NaN if none."""
+    """Exact trajectories of a platoon.
+
+    Attributes:
+        time: (T,) [s].
+        position: (N+1, T) [m], row 0 the leader.
+        speed: (N+1, T) [m/s].
+        acceleration: (N+1, T) [m/s²].
+        collision_time: (N+1,) [s], NaN if none.
+    """
 
     time: Array
     position: Array

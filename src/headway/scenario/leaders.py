@@ -102,6 +102,7 @@ class Constant(Disturbance):
     kind: ClassVar[str] = "constant"
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         return Motion.of(self.speed, [MotionPiece(0.0, (self.speed,))])
 
 
@@ -116,6 +117,7 @@ class Sine(Repeating):
     harmonic: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         return Motion.of(self.mean, [MotionPiece(0.0, (self.mean,), ((self.amplitude, self.omega, 0.0, 0.0),))])
 
 
@@ -138,6 +140,7 @@ class Window(Disturbance):
         return (self.omega,)
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         pieces = [MotionPiece(self.onset, (self.mean,), ((self.amplitude, self.omega, 0.0, 0.0),))]
         if self.onset > 0:
             pieces.insert(0, MotionPiece(0.0, (self.mean,)))
@@ -158,6 +161,7 @@ class Step(Disturbance):
     settles: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         after = self.mean + self.change
         return polyline(self.mean, [0.0, self.onset, self.onset + self.edge], [self.mean, self.mean, after])
 
@@ -178,6 +182,7 @@ class Brake(Disturbance):
     settles: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         low = self.mean - self.drop
         times = np.cumsum([0.0, self.onset, self.ramp, self.hold, self.recovery or self.ramp])
         return polyline(self.mean, times, [self.mean, self.mean, low, low, self.mean])
@@ -202,6 +207,7 @@ class Square(Repeating):
         _check_edge(self.kind, self.edge, self.omega)
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         half, rim = math.pi / self.omega, 0.5 * self.edge
         check_size(f"square.omega = {self.omega:g} rad/s", 2 * duration / half, "knots of the leader")
         count = int(duration / half) + 2
@@ -227,6 +233,7 @@ class Sawtooth(Repeating):
         _check_edge(self.kind, self.edge, self.omega)
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         period, rim = 2.0 * math.pi / self.omega, 0.5 * self.edge
         peak = self.amplitude * (1.0 - self.edge / period)
         check_size(f"sawtooth.omega = {self.omega:g} rad/s", 2 * duration / period, "knots of the leader")
@@ -248,6 +255,7 @@ class Triangle(Repeating):
     kind: ClassVar[str] = "triangle"
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         quarter = 0.5 * math.pi / self.omega
         check_size(f"triangle.omega = {self.omega:g} rad/s", duration / quarter, "knots of the leader")
         corners = np.arange(int(duration / (2.0 * quarter)) + 2)
@@ -283,6 +291,7 @@ class Multisine(Disturbance):
         return self.omegas
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         phases = self.phases or (0.0,) * len(self.omegas)
         sines = tuple((a, w, p, 0.0) for a, w, p in zip(self.amplitudes, self.omegas, phases, strict=True))
         return Motion.of(self.mean, [MotionPiece(0.0, (self.mean,), sines)])
@@ -305,6 +314,7 @@ class Chirp(Disturbance):
         return self.omega_start, self.omega_end
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         beta = (self.omega_end - self.omega_start) / self.sweep
         phase = 0.5 * (self.omega_start + self.omega_end) * self.sweep
         first = MotionPiece(0.0, (self.mean,), ((self.amplitude, self.omega_start, 0.0, beta),))
@@ -329,6 +339,7 @@ class Noise(Disturbance):
     random: ClassVar[bool] = True
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         check_size(f"noise.sample = {self.sample:g} s", duration / self.sample, "knots of the leader")
         # two samples beyond the end keep the path the same when only the duration changes
         count = math.ceil(duration / self.sample) + 3
@@ -370,9 +381,11 @@ class Cycle(Disturbance):
 
     @property
     def span(self) -> float:
+        """Length [s], after which it ends."""
         return (float(load_cycle(self.name).time[-1]) if self.end is None else self.end) - self.start
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         cycle = load_cycle(self.name)
         return section(cycle.time, cycle.speed, self.start, self.start + self.span, self.interpolation)
 

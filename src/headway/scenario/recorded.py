@@ -75,6 +75,7 @@ class Recorded(Disturbance):
 
     @property
     def span(self) -> float:
+        """Length [s], after which it ends."""
         time, _ = self._samples()
         return float(time[-1] if self.end is None else self.end) - self.start
 
@@ -85,6 +86,7 @@ class Recorded(Disturbance):
         return hashlib.sha256(np.stack((time, speed)).tobytes()).hexdigest()
 
     def motion(self, seed: int, duration: float) -> Motion:
+        """Exact motion for at least `duration` [s], see `Disturbance.motion`."""
         time, speed = self._samples()
         return section(time, speed, self.start, self.start + self.span, self.interpolation)
 
