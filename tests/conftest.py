@@ -26,11 +26,11 @@ def shared_file(name: str) -> Path:
 @pytest.fixture
 def cli(capsys):
     """Run the command line in this process: (exit code, standard output, standard error)."""
-    from headway.cli import main
+    from headway.cli import execute
 
     def call(*arguments: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as stop:
-            main([str(a) for a in arguments])
+            execute([str(a) for a in arguments])
         captured = capsys.readouterr()
         return int(stop.value.code or 0), captured.out, captured.err
 

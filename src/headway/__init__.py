@@ -22,17 +22,17 @@ from headway.version import __version__
 
 def _names() -> dict[str, tuple[str, str | None]]:
     """Public name → (module, name in it; None for the module itself), as the stub beside this file says them."""
-    found: dict[str, tuple[str, str | None]] = {}
+    public: dict[str, tuple[str, str | None]] = {}
     hidden: dict[str, tuple[str, str | None]] = {}
     for node in ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body:
         if isinstance(node, ast.ImportFrom) and node.module is not None:
             for alias in node.names:
                 whole = node.module == "headway"
                 place = (f"headway.{alias.name}", None) if whole else (node.module, alias.name)
-                (found if alias.asname else hidden)[alias.name] = place
+                (public if alias.asname else hidden)[alias.name] = place
         elif isinstance(node, ast.Assign) and isinstance(node.value, ast.Name):
-            found |= {target.id: hidden[node.value.id] for target in node.targets if isinstance(target, ast.Name)}
-    return found
+            public |= {target.id: hidden[node.value.id] for target in node.targets if isinstance(target, ast.Name)}
+    return public
 
 
 _PUBLIC = {name: place for name, place in _names().items() if name != "__version__"}

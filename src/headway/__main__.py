@@ -17,10 +17,10 @@ def main() -> None:
         from headway.errors import HeadwayError
 
         try:
-            from headway.cli import main as run
+            from headway.cli import execute
         except HeadwayError as error:
             _leave(str(error), 2)
-        run()
+        execute()
     except KeyboardInterrupt:
         _leave("interrupted", 130)
 

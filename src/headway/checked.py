@@ -34,7 +34,7 @@ SMALLEST = 1e-9
 
 
 def number(value: Any, place: str, unit: str = "", kind: str = "a number") -> float:
-    """`value` as a finite float; `HeadwayError` naming `place` for all that is none.
+    """`value` as a finite float.
 
     Args:
         value: Anything. Text and truth values are no numbers here.
@@ -61,7 +61,7 @@ def number(value: Any, place: str, unit: str = "", kind: str = "a number") -> fl
 
 
 def is_truth(value: Any) -> bool:
-    """Whether a value is true or false, also NumPy's, told without importing it."""
+    """Whether a value is true or false, also NumPy's, without importing that."""
     return isinstance(value, bool) or type(value).__name__ in ("bool_", "bool")
 
 
@@ -81,7 +81,15 @@ def _limits(unit: str) -> str:
 
 
 def as_path(value: Any, place: str = "path") -> Path:
-    """`value` as a path that a file system can be asked about; `HeadwayError` for all that is none."""
+    """`value` as a path that a file system can be asked about.
+
+    Args:
+        value: Anything.
+        place: What the value is, as the message calls it.
+
+    Raises:
+        HeadwayError: For all that is no path.
+    """
     if not isinstance(value, str | os.PathLike) or not (text := os.fspath(value)) or isinstance(text, bytes):
         raise HeadwayError(f"{place} = {shorten(value)} is not a path of a file")
     if "\0" in text:
@@ -139,6 +147,13 @@ def typed(function: F, name: str | None = None) -> F:
 
     Kinds are told by their names, so that an annotation costs no import; what is not in the table
     above is let through. Entries of `Sequence[X]` and values of `Mapping[str, X]` are looked at too.
+
+    Args:
+        function: A function whose annotations are text (`from __future__ import annotations`).
+        name: What a message calls it; its own name if not given.
+
+    Returns:
+        The function behind its gate, which raises `HeadwayError`.
     """
     signature = inspect.signature(function)
     tests = {n: _alternatives(str(p.annotation)) for n, p in signature.parameters.items()}
@@ -148,12 +163,12 @@ def typed(function: F, name: str | None = None) -> F:
     @functools.wraps(function)
     def gate(*args: Any, **kwargs: Any) -> Any:
         try:
-            given = signature.bind(*args, **kwargs).arguments
+            bound = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
             raise HeadwayError(f"{called}: {error}; it is called as {called}{_written(signature)}") from None
         for parameter, alternatives in tests.items():
-            if parameter in given:
-                _check(given[parameter], f"{called}: {parameter}", alternatives)
+            if parameter in bound:
+                _check(bound[parameter], f"{called}: {parameter}", alternatives)
         return function(*args, **kwargs)
 
     return gate  # type: ignore[return-value]  # it is called as the function is
@@ -165,15 +180,15 @@ def _written(signature: inspect.Signature) -> str:
 
 def _alternatives(annotation: str) -> list[tuple[str, str]]:
     """(class, class of its entries or "") of each alternative of an annotation; empty if one is not in the tables."""
-    found = []
+    alternatives = []
     for part in re.split(r"\|(?![^\[]*\])", annotation):
         match = re.fullmatch(r"\s*(?:\w+\.)*(\w+)(?:\[(.*)\])?\s*", part)
         if match is None or (match[1] not in _KINDS and match[1] not in _CLASSES):
             return []
         inner = re.fullmatch(r"(?:str, )?(?:\w+\.)*(\w+)", match[2] or "")
         of = inner[1] if inner and match[1] in ("Sequence", "Iterable", "list", "Mapping") else ""
-        found.append((match[1], of if of in _KINDS or of in _CLASSES else ""))
-    return found
+        alternatives.append((match[1], of if of in _KINDS or of in _CLASSES else ""))
+    return alternatives
 
 
 def _is(value: Any, name: str) -> bool:

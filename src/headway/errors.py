@@ -65,21 +65,32 @@ def did_you_mean(name: object, allowed: Iterable[str]) -> str:
 
 
 def unknown_name(place: str, name: object, allowed: Iterable[str]) -> HeadwayError:
-    """The error for a name that is not among `allowed` at `place`: the nearest one first where they are many."""
+    """The error for a name that is not allowed at a place.
+
+    Args:
+        place: Where the name stands, as the message calls it.
+        name: What was typed.
+        allowed: Names that are allowed; where they are many, the nearest comes first.
+
+    Returns:
+        The error, to be raised by the caller.
+    """
     names = sorted(str(a) for a in allowed)
-    told, hint = ", ".join(names), did_you_mean(name, names)
+    listed, hint = ", ".join(names), did_you_mean(name, names)
     head = f"{place}: {shorten(name)} is not known"
-    if len(told) <= _NAMES:
-        return HeadwayError(f"{head}; allowed are {told}{hint}")
-    some = told[:_NAMES].rpartition(", ")[0]
+    if len(listed) <= _NAMES:
+        return HeadwayError(f"{head}; allowed are {listed}{hint}")
+    some = listed[:_NAMES].rpartition(", ")[0]
     more = f"llowed are {some} and {len(names) - some.count(', ') - 1} more"
     return HeadwayError(f"{head}{hint} A{more}" if hint else f"{head}; a{more}")
 
 
 def shorten(value: Any, limit: int = 60) -> str:
-    """`repr(value)`, cut to `limit` characters so that a message stays one readable sentence.
+    """`repr(value)`, cut so that a message stays one readable sentence.
 
-    Also of what has no `repr` that ends soon: nesting of any depth, numbers of any length.
+    Args:
+        value: Anything, also what has no `repr` that ends soon: nesting of any depth, numbers of any length.
+        limit: Most characters.
     """
     if isinstance(value, str):
         text = repr(value[: limit + 1])

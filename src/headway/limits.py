@@ -39,7 +39,11 @@ class OutOfTime(BaseException):
 
 
 def factor() -> float:
-    """How many times `LIMITS` are allowed: the environment's HEADWAY_LIMIT, 1 if it is not set."""
+    """How many times `LIMITS` are allowed: the environment's HEADWAY_LIMIT, 1 if it is not set.
+
+    Raises:
+        HeadwayError: If that is no positive number.
+    """
     text = os.environ.get("HEADWAY_LIMIT", "1")
     try:
         value = float(text)
@@ -75,6 +79,12 @@ def time_limit(seconds: float) -> Iterator[None]:
 
     Only the main thread can be stopped, and only where the system has an interval timer; elsewhere
     this does nothing. A timer that runs already goes on afterwards.
+
+    Args:
+        seconds: How long [s] what runs inside may take.
+
+    Raises:
+        OutOfTime: If it takes longer.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield

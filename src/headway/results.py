@@ -27,7 +27,11 @@ _NAME = 80
 def writing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `path` that takes its place if all goes well, and vanishes otherwise.
 
-    Raises `HeadwayError` if the place cannot be written to.
+    Args:
+        path: The file to be written.
+
+    Raises:
+        HeadwayError: If the place cannot be written to.
     """
     target = as_path(path, "file to write")
     temporary: Path | None = None
@@ -55,10 +59,17 @@ def _umask() -> int:
 
 @typed
 def save(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
-    """Write trajectories to `path`: NetCDF (.nc) without loss, or one row per vehicle and time (.csv).
+    """Write trajectories to a file; nothing half-written is left behind.
 
-    Raises `HeadwayError` for another suffix, a dataset that such a file cannot hold, or a place that
-    cannot be written to; nothing half-written is left behind.
+    Args:
+        dataset: Trajectories, as `headway.simulate` returns them.
+        path: `.nc` for NetCDF without loss, `.csv` for one row per vehicle and time.
+
+    Returns:
+        The path.
+
+    Raises:
+        HeadwayError: For another suffix, a dataset that such a file cannot hold, or a place that cannot be written to.
     """
     target = as_path(path, "file to write")
     writers: dict[str, Callable[[xr.Dataset, Path], Any]] = {".nc": _netcdf, ".csv": _csv}
@@ -101,9 +112,14 @@ def header(name: str, attributes: Mapping[Any, Any]) -> str:
 def open_results(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read trajectories that `save` wrote, as NetCDF without loss or as CSV.
 
-    A CSV file holds the variables along vehicle and time only: no collision times and no scenario.
+    Args:
+        path: The file. CSV holds the variables along vehicle and time only: no collision times and no scenario.
 
-    Raises `HeadwayError` if the file cannot be read or holds no trajectories.
+    Returns:
+        The dataset, with units and names.
+
+    Raises:
+        HeadwayError: If the file cannot be read or holds no trajectories.
     """
     import xarray as xr
 

@@ -49,8 +49,8 @@ def test_without_a_speed_it_takes_the_documented_one(cli):
 
 def test_it_loads_nothing_heavy():
     program = (
-        "import sys\nfrom headway.cli import main\n"
-        "try: main(['stability', 'idm', '--speed', '23', '--delay', '0.5'])\nexcept SystemExit: pass\n"
+        "import sys\nfrom headway.cli import execute\n"
+        "try: execute(['stability', 'idm', '--speed', '23', '--delay', '0.5'])\nexcept SystemExit: pass\n"
         "print([m for m in ('numba', 'xarray', 'matplotlib') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -182,7 +182,7 @@ def leader(**fields):
 def test_limits_have_a_sentence(state, change, sentence):
     state["scenario"] |= change
     with pytest.raises(HeadwayError, match=re.escape(sentence)):
-        states.read(state)
+        states.checked_state(state)
 
 
 def test_the_recording_it_was_started_with_is_allowed(state, tmp_path):
@@ -190,7 +190,7 @@ def test_the_recording_it_was_started_with_is_allowed(state, tmp_path):
     rows = [f"{t},{n},{20 + n + t % 3},{30 if n else ''}" for t in range(40) for n in range(2)]
     file.write_text("time_s,vehicle,speed_mps,gap_m\n" + "\n".join(rows) + "\n")
     state["scenario"]["leader"] = {"kind": "recorded", "file": str(file)}
-    assert states.read(state, files=[str(file)]).scenario.leader.kind == "recorded"
+    assert states.checked_state(state, files=[str(file)]).scenario.leader.kind == "recorded"
 
 
 # -- what it answers ---------------------------------------------------------------------------------
@@ -244,7 +244,7 @@ def test_a_draft_has_the_bits_of_simulate_and_is_close_to_the_exact_run(state):
     quick = picture.Quick()
     for gap in (1.2, 1.3, 0.9):
         state["scenario"]["followers"][0]["parameters"]["T"] = gap
-        checked = states.read(state)
+        checked = states.checked_state(state)
         _, result = picture.draw(checked, quick, 300, True, never)
         stepped = picture._stepped(checked.scenario, picture.draft_step(checked.scenario), result.time[1])
         tr = hw.simulate(hw.from_toml(stepped.to_toml()))
@@ -482,7 +482,7 @@ def test_state_address_and_file_are_the_same_scenario(scenario):
     assert re.fullmatch(r"[\w-]+", states.encode(state))
     again = states.decode(address)
     assert again == json.loads(json.dumps(state))
-    checked = states.read(again)
+    checked = states.checked_state(again)
     assert checked.scenario == scenario
     assert hw.from_toml(exports.export(checked, "toml", {})) == scenario
 

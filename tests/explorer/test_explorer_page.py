@@ -149,7 +149,7 @@ def test_each_slider_moves_the_curves(open_page):
         until(page, f"window.before !== {DRAWN}", name)
         assert slider.get_attribute("aria-valuetext") != said, name
         assert page.is_hidden("#error"), (name, page.text_content("#error"))
-    scenario = states.read(state_of(page)).scenario
+    scenario = states.checked_state(state_of(page)).scenario
     assert len(scenario.followers) != 6
     assert all(value != hw.models.IDM().parameters[n] for n, value in scenario.followers[0].model.items)
 
@@ -214,7 +214,7 @@ def test_the_page_says_what_headway_stability_says(open_page, cli, tmp_path):
     page.wait_for_timeout(200)
     settled(page)
     file = tmp_path / "sc.toml"
-    file.write_text(states.read(state_of(page)).scenario.to_toml())
+    file.write_text(states.checked_state(state_of(page)).scenario.to_toml())
     _, out, _ = cli("stability", file)
     assert page.eval_on_selector_all("#verdict p", "(all) => all.map((p) => p.textContent)") == out.splitlines()
 
@@ -261,12 +261,12 @@ def test_the_address_restores_everything(open_page):
     found = state_of(page)
     assert found["scenario"]["leader"]["drop"] != 6
     found["scenario"]["leader"]["drop"] = 6.0
-    assert states.read(found).scenario == sc
+    assert states.checked_state(found).scenario == sc
     # an address that is pasted into the open page
     page.evaluate(f"location.hash = {states.encode(states.start_state(hw.from_toml(SCENARIO)))!r}")
     page.wait_for_selector("input[data-field='T']")
     settled(page)
-    assert states.read(state_of(page)).scenario == hw.from_toml(SCENARIO)
+    assert states.checked_state(state_of(page)).scenario == hw.from_toml(SCENARIO)
 
 
 def test_exports_hold_what_is_shown(open_page):
@@ -274,7 +274,7 @@ def test_exports_hold_what_is_shown(open_page):
     settled(page)
     drag(page, page.locator("input[data-field='T']"), 0.55)
     settled(page)
-    scenario = states.read(state_of(page)).scenario
+    scenario = states.checked_state(state_of(page)).scenario
     files = {}
     for button in ("TOML", "CSV", "Python", "PNG"):
         with page.expect_download() as download:
@@ -305,11 +305,11 @@ def test_every_law_and_leader_can_be_chosen(open_page):
 
     for kind in [k for k in told["kinds"] if k not in ("recorded", "sine")]:
         choose("kind", kind)
-    assert states.read(state_of(page)).scenario.leader.kind == kind
+    assert states.checked_state(state_of(page)).scenario.leader.kind == kind
     choose("kind", "sine")
     for law in [name for name in told["models"] if name != "idm"]:
         choose("model", law)
-    assert states.read(state_of(page)).scenario.followers[0].model.name == law
+    assert states.checked_state(state_of(page)).scenario.followers[0].model.name == law
     settled(page)
 
 
@@ -319,12 +319,12 @@ def test_a_mix_of_vehicles(open_page):
     page.get_by_label("model", exact=True).select_option("fvdm")
     page.get_by_label("late", exact=True).select_option("alone")
     settled(page)
-    followers = states.read(state_of(page)).scenario.followers
+    followers = states.checked_state(state_of(page)).scenario.followers
     assert [f.model.name for f in followers] == ["idm"] * 6 + ["fvdm"]
     assert followers[-1].delay == (("s", 0.3), ("v", 0.3), ("vl", 0.3))
     page.get_by_label("Remove this group").click()
     page.wait_for_timeout(50)
-    assert len(states.read(state_of(page)).scenario.followers) == 6
+    assert len(states.checked_state(state_of(page)).scenario.followers) == 6
 
 
 def test_what_cannot_be_run_is_said_and_the_last_picture_stays(open_page):

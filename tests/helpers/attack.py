@@ -28,7 +28,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from headway.cli import app, main
+from headway.cli import app, execute
 from headway.errors import LONGEST, HeadwayError
 from headway.library import library, library_table
 from headway.models import own
@@ -272,7 +272,7 @@ def attack_command(arguments: list[str], report: Report) -> None:
     before = set(os.listdir("."))
     try:
         with alarm(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            main(arguments)
+            execute(arguments)
     except SystemExit as end:
         err.flush()
         lines = err.buffer.getvalue().decode().splitlines()  # type: ignore[attr-defined]  # it is bytes

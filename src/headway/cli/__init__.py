@@ -25,7 +25,7 @@ from headway.cli.study import study_app
 from headway.errors import HeadwayError, shorten
 from headway.version import __version__
 
-__all__ = ["app", "main"]
+__all__ = ["app", "execute"]
 
 app = App(
     name="headway",
@@ -34,7 +34,7 @@ app = App(
     version=f"headway {__version__}",
     default_parameter=cyclopts.Parameter(negative=()),
     help_format="plaintext",
-    suppress_keyboard_interrupt=False,  # `main` says it
+    suppress_keyboard_interrupt=False,  # `execute` says it
 )
 app.command(run)
 app.command(stability)
@@ -56,7 +56,7 @@ app.command(explore)
 _BROKEN_PIPE = 141
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def execute(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 a check failed, 2 refused, 130 interrupted, 141 nobody reads on."""
     try:
         with warnings.catch_warnings():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from headway.cli import show
-from headway.cli.options import Json, ModelFile, laws_of
+from headway.cli.options import FigureForm, Json, ModelFile, ReportForm, laws_of
 
 if TYPE_CHECKING:
     from headway.benchmark.outcome import Outcome
@@ -20,8 +20,8 @@ def benchmark(
     file: Annotated[Path | None, Parameter(help="A TOML file whose models, disturbances and delays join.")] = None,
     *,
     out: Annotated[Path, Parameter(help="The folder that the report is written into.")] = Path("out/benchmark"),
-    format: Annotated[Literal["html", "md"], Parameter(help="Form of the report.")] = "html",
-    figures: Annotated[Literal["svg", "pdf", "png"], Parameter(help="Form of the figures beside the report.")] = "svg",
+    format: ReportForm = "html",
+    figures: FigureForm = "svg",
     leader: Annotated[
         list[Path] | None, Parameter(help="A recording whose leader joins the disturbances; may be repeated.")
     ] = None,
@@ -53,8 +53,8 @@ def benchmark(
 
 def _print(outcome: Outcome, page: Path) -> None:
     names = list(outcome.scores[0].ranks)
-    rows = [(s.who, *(show.number(s.ranks[n], 3) for n in names), show.number(s.overall, 3)) for s in outcome.scores]
-    show.table("mean ranks, 1 is best", ("model", *names, "mean"), rows)
+    rows = [(s.who, *(show.rounded(s.ranks[n], 3) for n in names), show.rounded(s.overall, 3)) for s in outcome.scores]
+    show.print_table("mean ranks, 1 is best", ("model", *names, "mean"), rows)
     for text in outcome.findings:
         print(text.replace("**", ""))
     if failed := outcome.board.failed:

@@ -67,8 +67,7 @@ def calibrate(
     law = law_named(model)
     windows = [parse.window("--train", text) for text in train or []]
     tests = [parse.window("--test", text) if parse.is_window(text) else text for text in test or []]
-    typed = parse.pairs("--bound", bound, "name=low:high, e.g. T=0.5:3") or {}
-    bounds = {name: parse.window("--bound", text) for name, text in typed.items()}
+    bounds = parse.bounds("--bound", bound)
 
     from headway.calibration.document import save
     from headway.calibration.fit import calibrate as fit_vehicle
@@ -78,7 +77,7 @@ def calibrate(
     recording = read(Path(file), **options)
     others = [read(Path(t), **options) if isinstance(t, str) else t for t in tests]
     car = vehicle_of(law, set_, delay, lag)
-    names = [n.strip() for n in fit.split(",") if n.strip()] if fit is not None else None
+    names = parse.names(fit) if fit is not None else None
     fits: list[Fit] = []
     followers = vehicle or list(range(1, recording.vehicles))
     if not followers:

@@ -36,10 +36,10 @@ def list_(*, json: Json = False) -> None:
         show.print_json({name: _entry(e) for name, e in entries.items()})
         return
     rows = [
-        (e.name, e.kind, e.title, str(e.vehicles or "–"), show.number(e.seconds or float("nan")), e.licence)
+        (e.name, e.kind, e.title, str(e.vehicles or "–"), show.rounded(e.seconds or float("nan")), e.licence)
         for e in entries.values()
     ]
-    show.table("", ("name", "kind", "what", "vehicles", "seconds", "licence"), rows, left=3)
+    show.print_table("", ("name", "kind", "what", "vehicles", "seconds", "licence"), rows, left=3)
 
 
 @data_app.command

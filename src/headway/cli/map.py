@@ -9,6 +9,19 @@ from cyclopts import Parameter
 
 from headway.cli import parse, show
 from headway.cli.equilibrium import SPEED, check_gap
+from headway.cli.options import (
+    FIGURES,
+    Delay,
+    Figure,
+    Gap,
+    Json,
+    Lag,
+    ModelFile,
+    SetParameter,
+    check_target,
+    laws_of,
+    vehicle_of,
+)
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
@@ -33,42 +46,35 @@ def map_(
     what: Annotated[str, Parameter(help="string, local, gain or critical_delay.")] = "string",
     speed: Annotated[float | None, Parameter(help="Speed of the platoon [m/s]; 23 if neither it nor a gap tells it.")]
     = None,
-    gap: Annotated[float | None, Parameter(help="Gap [m], where every gap is an equilibrium (GMM).")] = None,
+    gap: Gap = None,
     omega: Annotated[float | None, Parameter(help="One frequency [rad/s] for a map of the gain.")] = None,
-    set_: Annotated[list[str] | None, Parameter(name="--set", help="A parameter, e.g. T=1.2; may be repeated.")] = None,
-    delay: Annotated[str, Parameter(help="Seconds for all on-board signals, or e.g. s=0.5,dv=0.5.")] = "0",
-    lag: Annotated[float, Parameter(help="Time constant of the actuator [s].")] = 0.0,
-    model: Annotated[list[str] | None, Parameter(help="Allow a law from a file, e.g. my.py:soft; runs the file.")]
-    = None,
+    set_: SetParameter = None,
+    delay: Delay = "0",
+    lag: Lag = 0.0,
+    model: ModelFile = None,
     point: Annotated[str | None, Parameter(help="Mark a point in the figure, e.g. T=1.5,delay=0.4.")] = None,
     out: Annotated[Path | None, Parameter(help="Write the map and its boundary to this NetCDF file.")] = None,
-    figure: Annotated[Path | None, Parameter(help="Draw it: .png, .svg or .pdf.")] = None,
-    json: Annotated[bool, Parameter(help="Print shares and boundary as JSON.")] = False,
+    figure: Figure = None,
+    json: Json = False,
 ) -> None:  # fmt: skip
     """Stability map over two or three axes, with exact theory and a traced boundary."""
-    from headway.cli.run import check_target
-
     check_target(out, (".nc",))
-    check_target(figure, (".png", ".svg", ".pdf"))
-    axes = dict(_axis(option, text) for option, text in (("--x", x), ("--y", y), ("--z", z)) if text is not None)
+    check_target(figure, FIGURES)
+    axes = dict(parse.axis(option, text) for option, text in (("--x", x), ("--y", y), ("--z", z)) if text is not None)
     if len(axes) < sum(text is not None for text in (x, y, z)):
         raise HeadwayError("an axis is given twice; the axes of a map differ")
     if not axes:
-        given = [n for n, value in (("--speed", speed), ("--gap", gap), ("--set", set_), ("--point", point)) if value]
-        _paper(subject.removeprefix("paper:"), given, out, figure, json)
+        options = [n for n, value in (("--speed", speed), ("--gap", gap), ("--set", set_), ("--point", point)) if value]
+        _paper(subject.removeprefix("paper:"), options, out, figure, json)
         return
     if point is not None and figure is None:
         raise HeadwayError(f"--point {point}: marks a place in a figure, so name one with --figure")
-    marked = None if point is None else parse.numbers("--point", point.split(","), "T=1.5,delay=0.4")
+    marked = None if point is None else parse.assignments("--point", point.split(","), "T=1.5,delay=0.4")
     if x is None:
         raise HeadwayError(f"{'--y' if y else '--z'} is given without --x; name the first axis")
-    from headway.models.own import load_laws
     from headway.models.registry import find
-    from headway.scenario.vehicle import Vehicle
 
-    laws = [law for reference in model or [] for law in load_laws(reference)]
-    law = find(subject, laws)
-    car = Vehicle(law(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag)
+    car = vehicle_of(find(subject, laws_of(model)), set_, delay, lag)
     if speed is None and not {"speed", "gap"} & set(axes) and (gap is None or car.model.rests_everywhere):
         speed = SPEED
     if "gap" not in axes:
@@ -76,109 +82,97 @@ def map_(
     with show.working("computing the map (the first one after installation compiles)"):
         from headway.theory.map import stability_map
 
-        found = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what)
+        result = stability_map(car, axes, speed=speed, gap=gap, omega=omega, what=what)
     if figure is not None:
         from headway import plot
 
-        plot.save(plot.stability_map(found, point=marked), figure)
+        plot.save(plot.stability_map(result, point=marked), figure)
     if out is not None:
-        found.save(out)
+        result.save(out)
     if json:
-        show.print_json({"model": law.name, **_as_json(found), "files": [str(p) for p in (out, figure) if p]})
+        show.print_json({"model": car.model.name, **_as_json(result), "files": [str(p) for p in (out, figure) if p]})
         return
-    print(_sentence(car, found))
-    _boundary(found)
+    print(_sentence(car, result))
+    _boundary(result)
     for path in (out, figure):
         if path:
             print(f"wrote {path}")
 
 
-def _axis(option: str, text: str) -> tuple[str, Any]:
-    """Name and range of an axis as typed: name=low:high or name=low:high:count."""
-    name, _, limits = text.partition("=")
-    try:
-        numbers = [float(part) for part in limits.split(":")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (2, 3) or (len(numbers) == 3 and numbers[2] != int(numbers[2])):
-        raise HeadwayError(f"{option} {text}: write name=low:high or name=low:high:count, e.g. T=0.5:2.5")
-    return name.strip(), tuple(numbers)
-
-
-def _paper(name: str, given: list[str], out: Path | None, figure: Path | None, json: bool) -> None:
+def _paper(name: str, options: list[str], out: Path | None, figure: Path | None, json: bool) -> None:
     """One of the paper's maps: each panel's shares, the caption, and the figure."""
     from headway.models.registry import BUILT_IN
 
-    if given:
-        raise HeadwayError(f"{given[0]} belongs to a map of one's own; name its first axis, e.g. --x T=0.5:2.5")
+    if options:
+        raise HeadwayError(f"{options[0]} belongs to a map of one's own; name its first axis, e.g. --x T=0.5:2.5")
     with show.working("computing the maps (the first one after installation compiles)"):
         from headway.literature.barhoumi2025.maps import NAMES, paper_map
 
         if name in BUILT_IN and name not in NAMES:
             raise HeadwayError(f"a map of {name} needs an axis, e.g. --x delay=0:1.5; the paper has {', '.join(NAMES)}")
-        found = paper_map(name)
+        maps = paper_map(name)
     if out is not None:
         raise HeadwayError(f"--out {out}: the paper's maps are figures of several panels; use --figure or --json")
     if figure is not None:
         from headway import plot
 
-        plot.save(plot.paper_map(found), figure)
+        plot.save(plot.paper_map(maps), figure)
     if json:
         show.print_json(
             {
-                "name": found.name, "title": found.title, "caption": found.caption,
-                "panels": [{"title": title, **_as_json(panel)} for title, panel in found.panels],
+                "name": maps.name, "title": maps.title, "caption": maps.caption,
+                "panels": [{"title": title, **_as_json(panel)} for title, panel in maps.panels],
             }
         )  # fmt: skip
         return
-    print(found.title)
-    for title, panel in found.panels:
+    print(maps.title)
+    for title, panel in maps.panels:
         print(f"  {title}: {_shares(panel)}")
-    print(found.caption)
+    print(maps.caption)
     if figure is not None:
         print(f"wrote {figure}")
 
 
-def _shares(found: StabilityMap) -> str:
+def _shares(result: StabilityMap) -> str:
     """How much of the map each class covers."""
-    shares = found.shares
+    shares = result.shares
     return ", ".join(f"{share:.1%} {name}" for name, share in reversed(shares.items()) if share > 0)
 
 
-def _sentence(car: Vehicle, found: StabilityMap) -> str:
+def _sentence(car: Vehicle, result: StabilityMap) -> str:
     """What was mapped, and the answer in short."""
     from headway.theory.points import is_delay
 
     where = " and ".join(
-        f"{n} {v[0]:g} to {v[-1]:g} {found.dataset[n].attrs['units']}".rstrip() for n, v in found.axes.items()
+        f"{n} {v[0]:g} to {v[-1]:g} {result.dataset[n].attrs['units']}".rstrip() for n, v in result.axes.items()
     )
-    fixed = [f"{n} {found.dataset.attrs[n]:g} {u}" for n, u in (("speed", "m/s"), ("gap", "m"), ("omega", "rad/s"))
-             if n in found.dataset.attrs]  # fmt: skip
-    late = f", delay {found.dataset.attrs['delay']}" if not any(map(is_delay, found.axes)) else ""
-    return f"{car.model.name} over {where}{''.join(f', {f}' for f in fixed)}{late}: {_shares(found)}"
+    fixed = [f"{n} {result.dataset.attrs[n]:g} {u}" for n, u in (("speed", "m/s"), ("gap", "m"), ("omega", "rad/s"))
+             if n in result.dataset.attrs]  # fmt: skip
+    late = f", delay {result.dataset.attrs['delay']}" if not any(map(is_delay, result.axes)) else ""
+    return f"{car.model.name} over {where}{''.join(f', {f}' for f in fixed)}{late}: {_shares(result)}"
 
 
-def _boundary(found: StabilityMap) -> None:
+def _boundary(result: StabilityMap) -> None:
     """Where the best class ends, on a few lines of the grid of a map of two axes."""
-    if len(found.axes) != 2 or not found.boundary:
+    if len(result.axes) != 2 or not result.boundary:
         return
-    name, lines = list(found.boundary.items())[-1]
-    (first, values), (second, _) = found.axes.items()
+    name, lines = list(result.boundary.items())[-1]
+    (first, values), (second, _) = result.axes.items()
     chosen = values[[round(i * (len(values) - 1) / (_ROWS - 1)) for i in range(_ROWS)]]
     rows = []
     for value in dict.fromkeys(map(float, chosen)):
         crossings = sorted({f"{q:.6g}" for line in lines for p, q in line if p == value}, key=float)
         rows.append([f"{value:.4g}", ", ".join(crossings) or "–"])
-    units = {n: found.dataset[n].attrs["units"] for n in found.axes}
+    units = {n: result.dataset[n].attrs["units"] for n in result.axes}
     print(f"boundary of '{name}':")
-    show.table("", [f"{first} [{units[first]}]", f"{second} [{units[second]}]"], rows, left=0)
+    show.print_table("", [f"{first} [{units[first]}]", f"{second} [{units[second]}]"], rows, left=0)
 
 
-def _as_json(found: StabilityMap) -> dict[str, Any]:
+def _as_json(result: StabilityMap) -> dict[str, Any]:
     return {
-        "what": found.what,
-        "axes": {n: [float(v[0]), float(v[-1]), len(v)] for n, v in found.axes.items()},
-        **{n: found.dataset.attrs[n] for n in ("speed", "gap", "omega", "delay", "lag") if n in found.dataset.attrs},
-        "shares": found.shares,
-        "boundary": {n: [line.tolist() for line in lines] for n, lines in found.boundary.items()},
+        "what": result.what,
+        "axes": {n: [float(v[0]), float(v[-1]), len(v)] for n, v in result.axes.items()},
+        **{n: result.dataset.attrs[n] for n in ("speed", "gap", "omega", "delay", "lag") if n in result.dataset.attrs},
+        "shares": result.shares,
+        "boundary": {n: [line.tolist() for line in lines] for n, lines in result.boundary.items()},
     }

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from cyclopts import Parameter
-
 from headway.cli import show
+from headway.cli.options import Json
 
 __all__ = ["metrics"]
 
 
-def metrics(*, json: Annotated[bool, Parameter(help="Print as JSON.")] = False) -> None:
+def metrics(*, json: Json = False) -> None:
     """List the metrics that `run --metrics` and `study --metrics` take: name, unit and meaning."""
     from headway.metrics import METRICS
 
@@ -19,4 +16,4 @@ def metrics(*, json: Annotated[bool, Parameter(help="Print as JSON.")] = False) 
     if json:
         show.print_json([dict(zip(("name", "unit", "meaning", "per"), row, strict=True)) for row in rows])
     else:
-        show.table("", ("name", "unit", "meaning", "one for each"), rows, left=4)
+        show.print_table("", ("name", "unit", "meaning", "one for each"), rows, left=4)

@@ -91,6 +91,6 @@ def check(
             print(f"{name}:")
             for c in checks:
                 mark = "ok  " if c.passed else ("FAIL" if c.required else "note")
-                show.say(c.name + ("" if c.passed else f": {c.message}"), f"  {show.verdict(mark, c.passed)}  ", 8)
+                show.say(c.name + ("" if c.passed else f": {c.message}"), f"  {show.coloured(mark, c.passed)}  ", 8)
     failed = any(not c.passed and c.required for checks in reports.values() for c in checks)
     return 1 if failed else 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from headway.scenario.vehicle import Vehicle
 
 __all__ = [
-    "FIGURES", "Column", "Delay", "Figure", "Format", "Json", "Lag", "ModelFile", "Out", "SetField", "SetParameter",
-    "Unit", "check_target", "import_numba_without_blas", "law_named", "laws_of", "read_scenario", "reading",
-    "vehicle_of",
+    "FIGURES", "Column", "Delay", "Figure", "FigureForm", "Format", "Gap", "Json", "Lag", "MetricNames", "ModelFile",
+    "Out", "ReportForm", "SetAny", "SetField", "SetParameter", "SetStudy", "Unit", "check_target",
+    "import_numba_without_blas", "law_named", "laws_of", "read_scenario", "reading", "vehicle_of",
 ]  # fmt: skip
 
 Json = Annotated[bool, Parameter(help="Print as JSON.")]
@@ -31,12 +31,25 @@ SetField = Annotated[
 SetParameter = Annotated[
     list[str] | None, Parameter(name="--set", help="A parameter of the law, e.g. T=1.2; may be repeated.")
 ]
+SetAny = Annotated[
+    list[str] | None,
+    Parameter(name="--set", help="A parameter, e.g. T=1.2, or a field of the scenario; may be repeated."),
+]
+SetStudy = Annotated[
+    list[str] | None, Parameter(name="--set", help="Override any field, e.g. design.count=256; may be repeated.")
+]
 ModelFile = Annotated[
     list[str] | None,
     Parameter(help="Allow a law from a file, e.g. my.py:soft; this runs the file. May be repeated."),
 ]
 Delay = Annotated[str, Parameter(help="Seconds for all on-board signals, or e.g. s=0.5,dv=0.5.")]
 Lag = Annotated[float, Parameter(help="Time constant of the actuator [s].")]
+Gap = Annotated[float | None, Parameter(help="Gap [m], where every gap is an equilibrium (GMM).")]
+MetricNames = Annotated[
+    str, Parameter(help="Metrics, with commas between, e.g. ttc,tet(threshold=4); see headway metrics.")
+]
+ReportForm = Annotated[Literal["html", "md"], Parameter(help="Format of the report.")]
+FigureForm = Annotated[Literal["svg", "pdf", "png"], Parameter(help="Format of the figures beside the report.")]
 Out = Annotated[Path | None, Parameter(help="Write the trajectories to this .nc or .csv file.")]
 Figure = Annotated[Path | None, Parameter(help="Draw it into this .png, .svg or .pdf file.")]
 Format = Annotated[str | None, Parameter(help="File format; found by looking if not given.")]
@@ -63,7 +76,11 @@ def laws_of(references: list[str] | None) -> list[Law]:
 
 
 def law_named(reference: str) -> Law:
-    """The law of a name, or the one in a Python file."""
+    """The law of a name, or the one in a Python file.
+
+    Raises:
+        HeadwayError: If there is none, or the file holds several and names none.
+    """
     from headway.models.own import load_laws
     from headway.models.registry import find
 
@@ -80,17 +97,28 @@ def vehicle_of(law: Law, assignments: list[str] | None, delay: str, lag: float) 
     """A vehicle of a law as typed with --set, --delay and --lag."""
     from headway.scenario.vehicle import Vehicle
 
-    return Vehicle(law(**parse.numbers("--set", assignments or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag)
+    return Vehicle(
+        law(**parse.assignments("--set", assignments or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag
+    )
 
 
 def read_scenario(name: str, assignments: list[str], references: list[str]) -> Scenario:
-    """The scenario of a file or of the library, with overrides and laws of one's own."""
+    """The scenario of a file or of the library, with overrides and laws of one's own.
+
+    Args:
+        name: A TOML file, or the full name of a ready scenario.
+        assignments: Texts such as leader.omega=0.5, as --set takes them.
+        references: Files of laws, as --model takes them.
+
+    Raises:
+        HeadwayError: If there is no such scenario, or what is typed does not fit it.
+    """
     from headway.scenario.document import from_table, override, read_table
 
     laws = laws_of(references)
-    if name.partition(":")[0] in ("paper", "example"):
-        from headway.library import library_table
+    from headway.library import is_ready, library_table
 
+    if is_ready(name):
         table, folder = library_table(name), Path(".")
     else:
         path = as_path(name, "scenario")
@@ -131,7 +159,15 @@ def _no_scenario(name: str) -> HeadwayError:
 
 
 def check_target(path: Path | None, kinds: tuple[str, ...]) -> None:
-    """Refuse a target before anything is computed."""
+    """Refuse a target before anything is computed.
+
+    Args:
+        path: The file to be written, None for none.
+        kinds: Suffixes that are allowed.
+
+    Raises:
+        HeadwayError: If the suffix is another, or there is no folder for the file.
+    """
     if path is None:
         return
     as_path(path, "file to write")

@@ -7,11 +7,12 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from headway.cli import show
+from headway.cli import parse, show
+from headway.cli.options import FigureForm, Json, ReportForm
 from headway.errors import HeadwayError
 
 if TYPE_CHECKING:
@@ -31,14 +32,14 @@ def paper(
     only: Annotated[
         list[str] | None, Parameter(help="Claims and experiments, with commas between, e.g. C05,idm-1.")
     ] = None,
-    format: Annotated[Literal["html", "md"], Parameter(help="Format of the report.")] = "html",
-    figures: Annotated[Literal["svg", "pdf", "png"], Parameter(help="Format of the figures beside it.")] = "svg",
-    json: Annotated[bool, Parameter(help="Print claims, verdicts and measured figures as JSON.")] = False,
+    format: ReportForm = "html",
+    figures: FigureForm = "svg",
+    json: Json = False,
 ) -> None:
     """Reproduce the comparative study: its experiments as figures, its claims with verdicts."""
     from headway.literature.barhoumi2025.reproduction import choose, reproduce, tables
 
-    names = [name.strip() for text in only or [] for name in text.split(",") if name.strip()]
+    names = parse.names(*(only or []))
     if only and not names:
         raise HeadwayError("--only: name claims or experiments, e.g. C05,idm-1")
     experiments, claims = choose(names)
@@ -111,4 +112,4 @@ def _print(findings: dict[str, Any]) -> None:
         held = f"{finding.holding} of {len(finding.outcomes)}"
         rows.append((name, finding.verdict, held, shown(key.value, key.unit), asked(key), key.name))
     columns = ("claim", "verdict", "holds in", "measured", "asked for", "what")
-    show.table(", ".join(f"{n} {verdict}" for verdict, n in count(findings).items()), columns, rows, left=2)
+    show.print_table(", ".join(f"{n} {verdict}" for verdict, n in count(findings).items()), columns, rows, left=2)

@@ -84,16 +84,16 @@ def replay(
     with show.working("simulating"):
         run = simulate(scenario)
     errors = compare(run, part)
-    real, made = growth(part.speed), growth(run.speed.values)
+    recorded, simulated = growth(part.speed), growth(run.speed.values)
     rows: list[dict[str, Any]] = [
         {
             "vehicle": n,
             "model": cars[n - 1].model.name,
             **{name: float(errors[name].sel(vehicle=n)) for name in _ERRORS},
-            "recorded_deviation": float(real.deviation[n]),
-            "simulated_deviation": float(made.deviation[n]),
-            "recorded_range": float(real.range[n]),
-            "simulated_range": float(made.range[n]),
+            "recorded_deviation": float(recorded.deviation[n]),
+            "simulated_deviation": float(simulated.deviation[n]),
+            "recorded_range": float(recorded.range[n]),
+            "simulated_range": float(simulated.range[n]),
         }
         for n in range(1, part.vehicles)
     ]
@@ -105,8 +105,8 @@ def replay(
     if json:
         show.print_json({"file": file, "vehicles": rows, "written": [str(p) for p in written]})
         return
-    texts = [(str(r["vehicle"]), r["model"], *(show.number(r[c], 3) for c in _COLUMNS)) for r in rows]
-    show.table(f"behind the leader of {file}", ("vehicle", "model", *_COLUMNS.values()), texts, left=2)
+    texts = [(str(r["vehicle"]), r["model"], *(show.rounded(r[c], 3) for c in _COLUMNS)) for r in rows]
+    show.print_table(f"behind the leader of {file}", ("vehicle", "model", *_COLUMNS.values()), texts, left=2)
     for path in written:
         print(f"wrote {path}")
 

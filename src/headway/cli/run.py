@@ -14,6 +14,7 @@ from headway.cli import show
 from headway.cli.options import (
     FIGURES,
     Json,
+    MetricNames,
     ModelFile,
     SetField,
     check_target,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from headway.metrics.registry import Metric
     from headway.scenario.scenario import Scenario
 
-__all__ = ["check_target", "import_numba_without_blas", "read_scenario", "run", "schema"]
+__all__ = ["run", "schema"]
 
 
 def run(
@@ -39,7 +40,7 @@ def run(
     out: Annotated[Path | None, Parameter(help="Write the trajectories to this NetCDF file.")] = None,
     csv: Annotated[Path | None, Parameter(help="Write the trajectories to this CSV file.")] = None,
     figure: Annotated[Path | None, Parameter(help="Draw speeds, errors, gaps and the time-space diagram.")] = None,
-    metrics: Annotated[str, Parameter(help="Columns, with commas between, e.g. ttc,tet(threshold=4).")] = "",
+    metrics: MetricNames = "",
     json: Json = False,
     toml: Annotated[bool, Parameter(help="Print the scenario as it would be run, and do not run it.")] = False,
     list_: Annotated[bool, Parameter(name="--list", help="List the ready scenarios.")] = False,
@@ -65,17 +66,17 @@ def run(
         from headway.metrics.registry import chosen, split
         from headway.metrics.sizes import DEFAULT
 
-        wanted = chosen(split(metrics) or None, DEFAULT)
+        columns = chosen(split(metrics) or None, DEFAULT)
         result = solve(description)
-    values, notes = _values(description, result, wanted)
+    values, notes = _values(description, result, columns)
     written = _write(description, result, out, csv, figure)
-    rows, said = _rows(description, values), _said(result, values, notes)
-    known_until = _known_until(description, result)
+    rows, sentences = _rows(description, values), _sentences(result, values, notes)
+    until = _until(description, result)
     if json:
-        show.print_json(_as_json(description, rows, values, said, known_until, written))
+        show.print_json(_as_json(description, rows, values, sentences, until, written))
         return
-    _print(description, rows, wanted, values, known_until)
-    for line in said:
+    _print(description, rows, columns, values, until)
+    for line in sentences:
         print(line)
     for path in written:
         print(f"wrote {path}")
@@ -95,7 +96,7 @@ def _list(json: bool) -> None:
     if json:
         show.print_json(ready)
     else:
-        show.table("", ("name", "what it is"), list(ready.items()), left=2)
+        show.print_table("", ("name", "what it is"), list(ready.items()), left=2)
 
 
 def _write(scenario: Scenario, result: Result, out: Path | None, csv: Path | None, figure: Path | None) -> list[Path]:
@@ -136,18 +137,18 @@ def _values(scenario: Scenario, result: Result, metrics: Sequence[Metric]) -> tu
         if metric.reduced is not None and metric.reduced.signal:
             needs[metric.reduced.signal] = needs.get(metric.reduced.signal, 0) | metric.reduced.mode
     hit = result.collision_time
-    known = of_run(result.time, variables(scenario, result), needs, limits(scenario), hit)
+    reduced = of_run(result.time, variables(scenario, result), needs, limits(scenario), hit)
     dataset = to_dataset(scenario, result) if any(m.reduced is None for m in metrics) else None
     values: dict[str, Any] = {}
     notes = []
     for metric in metrics:
         if metric.reduced is None:
-            found = metric.of(dataset)
-            values[metric.name] = found.values.astype(float)
-            notes += [f"{metric.name}: {found.attrs['note']}"] if "note" in found.attrs else []
+            array = metric.of(dataset)
+            values[metric.name] = array.values.astype(float)
+            notes += [f"{metric.name}: {array.attrs['note']}"] if "note" in array.attrs else []
         else:
             signal = metric.reduced.signal
-            values[metric.name] = metric.reduced.make(known[signal]) if signal else hit
+            values[metric.name] = metric.reduced.make(reduced[signal]) if signal else hit
     return values, notes
 
 
@@ -159,51 +160,51 @@ def _rows(scenario: Scenario, values: Mapping[str, Any]) -> list[dict[str, Any]]
     ]
 
 
-def _known_until(scenario: Scenario, result: Result) -> list[float]:
+def _until(scenario: Scenario, result: Result) -> list[float]:
     """Until when [s] each vehicle is known: the end, or a collision of it or further ahead."""
     times = (t if math.isfinite(t) else scenario.end for t in result.collision_time.tolist())
     return list(accumulate(times, min))
 
 
-def _said(result: Result, values: Mapping[str, Any], notes: list[str]) -> list[str]:
+def _sentences(result: Result, values: Mapping[str, Any], notes: list[str]) -> list[str]:
     """What a reader of the table has to know: who collides first, what cannot be, what has no value."""
     from headway.metrics.sizes import braking_note
 
-    said = []
+    sentences = []
     hits = sorted((float(t), n) for n, t in enumerate(result.collision_time) if math.isfinite(t))
     if hits:
         first = f"vehicle {hits[0][1]} collides at {hits[0][0]:.4g} s"
         more = "".join(f", then vehicle {n} at {t:.4g} s" for t, n in hits[1:4]) + (", …" if len(hits) > 4 else "")
         end = "it and all behind it are not simulated any further, and their rows tell of the time before"
-        said.append(f"{first}{more}; {end}")
+        sentences.append(f"{first}{more}; {end}")
     if "least_acceleration" in values:
-        said += filter(None, [braking_note(values["least_acceleration"])])
-    return said + notes
+        sentences += filter(None, [braking_note(values["least_acceleration"])])
+    return sentences + notes
 
 
 def _print(
     scenario: Scenario, rows: list[dict[str, Any]], metrics: Sequence[Metric], values: Mapping[str, Any],
-    known_until: list[float],
+    until: list[float],
 ) -> None:  # fmt: skip
-    broken = min(known_until) < scenario.end
+    broken = min(until) < scenario.end
     shown = [m for m in metrics if values[m.name].ndim and (broken or m.name != "collision_time")]
     heads = [_COLUMNS.get(m.name, f"{m.name.replace('_', ' ')}" + f" [{m.unit}]" * (m.unit != "1")) for m in shown]
-    lines = [[str(row["vehicle"]), row["model"], *(show.number(row[m.name]) for m in shown)] for row in rows]
+    lines = [[str(row["vehicle"]), row["model"], *(show.rounded(row[m.name]) for m in shown)] for row in rows]
     if broken:
         heads.append("known until [s]")
-        for line, time in zip(lines, known_until, strict=True):
-            line.append(show.number(time))
+        for line, time in zip(lines, until, strict=True):
+            line.append(show.rounded(time))
     title = f"{scenario.name or scenario.leader.kind + ' leader'}: {len(rows) - 1} followers, {scenario.end:g} s"
-    show.table(title, ("vehicle", "model", *heads), lines, left=2)
+    show.print_table(title, ("vehicle", "model", *heads), lines, left=2)
     for metric in metrics:
         if not values[metric.name].ndim:
             unit = "" if metric.unit == "1" else f" {metric.unit}"
-            print(f"{metric.long_name}: {show.number(float(values[metric.name]))}{unit}")
+            print(f"{metric.long_name}: {show.rounded(float(values[metric.name]))}{unit}")
 
 
 def _as_json(
-    scenario: Scenario, rows: list[dict[str, Any]], values: Mapping[str, Any], said: list[str],
-    known_until: list[float], written: list[Path],
+    scenario: Scenario, rows: list[dict[str, Any]], values: Mapping[str, Any], sentences: list[str],
+    until: list[float], written: list[Path],
 ) -> dict[str, Any]:  # fmt: skip
     return {
         "name": scenario.name,
@@ -212,7 +213,7 @@ def _as_json(
         "headway_version": __version__,
         "vehicles": rows,
         "run": {name: float(v) for name, v in values.items() if not v.ndim},
-        "known_until": known_until,
-        "notes": said,
+        "known_until": until,
+        "notes": sentences,
         "written": [str(p) for p in written],
     }

@@ -12,19 +12,19 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["number", "print_json", "progress", "say", "table", "verdict", "working"]
+__all__ = ["coloured", "print_json", "print_table", "progress", "rounded", "say", "working"]
 
 
 #: a word longer than this may be broken to fit a table
 _WORD = 30
 
 
-def number(value: float, digits: int = 4) -> str:
+def rounded(value: float, digits: int = 4) -> str:
     """A number for a table; a dash where there is none."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
 
 
-def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> None:
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> None:
     """Print a table; the first `left` columns are text."""
     from rich import box
     from rich.cells import cell_len
@@ -70,17 +70,17 @@ def _widths(lengths: Sequence[Sequence[int]], words: Sequence[int], room: int | 
 def say(text: str, lead: str = "", indent: int = 0, good: bool | None = None) -> None:
     """Print a sentence after `lead`: on a terminal broken between words and indented, in a pipe as one line.
 
-    `good` colours it as a `verdict`.
+    `good` colours it as `coloured` does.
     """
     if not sys.stdout.isatty():
         print(f"{lead}{text}")
         return
     width = max(20, shutil.get_terminal_size().columns - indent)
     lines = textwrap.wrap(text, width, break_on_hyphens=False) or [""]
-    print(lead + f"\n{' ' * indent}".join(verdict(line, good) for line in lines))
+    print(lead + f"\n{' ' * indent}".join(coloured(line, good) for line in lines))
 
 
-def verdict(text: str, good: bool | None) -> str:
+def coloured(text: str, good: bool | None) -> str:
     """A verdict for people: green or red on a terminal that shows colours, plain elsewhere."""
     if good is None or not sys.stdout.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return text

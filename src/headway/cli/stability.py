@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from headway.cli import parse, show
+from headway.cli import show
 from headway.cli.equilibrium import SPEED, check_gap
+from headway.cli.options import Delay, Gap, Json, Lag, ModelFile, SetAny, laws_of, read_scenario, vehicle_of
 from headway.theory.sentences import chain_verdict, gain_text, vehicle_verdict
 
 if TYPE_CHECKING:
@@ -29,36 +30,28 @@ def stability(
     speed: Annotated[
         float | None, Parameter(help="Speed of the platoon [m/s]; 23 if not given, a scenario brings its own.")
     ] = None,
-    gap: Annotated[float | None, Parameter(help="Gap [m], where every gap is an equilibrium (GMM).")] = None,
-    set_: Annotated[
-        list[str] | None,
-        Parameter(name="--set", help="A parameter, e.g. T=1.2, or a field of the scenario; may be repeated."),
-    ] = None,
-    delay: Annotated[str, Parameter(help="Seconds for all on-board signals, or e.g. s=0.5,dv=0.5.")] = "0",
-    lag: Annotated[float, Parameter(help="Time constant of the actuator [s].")] = 0.0,
-    model: Annotated[
-        list[str] | None, Parameter(help="Allow a law from a file, e.g. my.py:soft; runs the file.")
-    ] = None,
-    json: Annotated[bool, Parameter(help="Print as JSON.")] = False,
+    gap: Gap = None,
+    set_: SetAny = None,
+    delay: Delay = "0",
+    lag: Lag = 0.0,
+    model: ModelFile = None,
+    json: Json = False,
 ) -> None:
     """Exact local and string stability, with delays: verdicts, peak gain, critical delays."""
-    from headway.models.own import load_laws
+    from headway.library import is_ready
 
-    laws = [law for reference in model or [] for law in load_laws(reference)]
-    if subject.endswith(".toml") or subject.partition(":")[0] in ("paper", "example"):
+    laws = laws_of(model)
+    if subject.endswith(".toml") or is_ready(subject):
         _scenario(subject, set_ or [], model or [], speed, gap, json)
         return
     from headway.models.registry import find
-    from headway.scenario.vehicle import Vehicle
     from headway.theory.linear import linearize
     from headway.theory.platoon import Chain
 
-    car = Vehicle(
-        find(subject, laws)(**parse.numbers("--set", set_ or [], parse.PARAMETER)), delay=parse.delay(delay), lag=lag
-    )
+    car = vehicle_of(find(subject, laws), set_, delay, lag)
     check_gap(car.model, gap)
     linear = linearize(car, SPEED if speed is None else speed, gap)
-    report = describe(linear)
+    report = report_of(linear)
     # a law that hears the platoon leader has no verdict but that of a whole platoon
     chain = Chain((linear,) * _PLATOON) if linear.hears_leader else None
     if json:
@@ -73,7 +66,6 @@ def stability(
 def _scenario(
     name: str, assignments: list[str], references: list[str], speed: float | None, gap: float | None, json: bool
 ) -> None:
-    from headway.cli.run import read_scenario
     from headway.theory.platoon import head_to_tail
 
     scenario = read_scenario(name, assignments, references)
@@ -81,7 +73,7 @@ def _scenario(
     gaps = scenario.initial_gaps() if gap is None and scenario.gaps is not None else gap
     chain = head_to_tail(scenario.followers, v, gaps)
     different = list(dict.fromkeys(chain.vehicles))
-    reports = [describe(linear) for linear in different]
+    reports = [report_of(linear) for linear in different]
     numbers = [chain.vehicles.index(linear) + 1 for linear in different]
     if json:
         show.print_json(
@@ -110,7 +102,7 @@ def _chain(chain: Chain) -> dict[str, Any]:
     }
 
 
-def describe(linear: Linear) -> dict[str, Any]:
+def report_of(linear: Linear) -> dict[str, Any]:
     """Everything about one vehicle, by name."""
     root = linear.rightmost_root
     delay = linear.vehicle.delay
@@ -161,7 +153,7 @@ def _print(report: dict[str, Any]) -> None:
         "equilibrium gap": f"{report['gap']:.6g} m at {report['speed']:g} m/s",
         "partials": ", ".join(f"f_{n} = {x:.6g}" for n, x in report["partials"].items()),
         "natural frequency": f"{report['natural_frequency']:.6g} rad/s",
-        "damping ratio": f"{show.number(report['damping_ratio'], 6)} ({report['damping_class']}, without delay)",
+        "damping ratio": f"{show.rounded(report['damping_ratio'], 6)} ({report['damping_class']}, without delay)",
         "rightmost root": _root(root["real"], root["imag"]),
         **alone,
         "margins": _margins(report["margins"]),

@@ -14,7 +14,7 @@ import numpy as np
 from headway.engine.run import Result
 from headway.engine.trajectories import to_dataset
 from headway.errors import HeadwayWarning
-from headway.explorer.picture import Picture, linear_of
+from headway.explorer.picture import Picture, linear_in_view
 from headway.explorer.state import State
 from headway.metrics.sizes import UNPHYSICAL
 from headway.models import RADIO
@@ -22,11 +22,15 @@ from headway.theory import sentences
 from headway.theory.map import axis_unit, label, stability_map
 from headway.theory.platoon import head_to_tail
 
-__all__ = ["figures", "map_key", "map_of", "verdicts"]
+__all__ = ["key_figures", "map_key", "map_of", "verdict_sentences"]
 
 
-def verdicts(state: State, stale: Callable[[], bool]) -> list[str]:
-    """The sentences of `headway stability` for every different vehicle, and for the whole string."""
+def verdict_sentences(state: State, stale: Callable[[], bool]) -> list[str]:
+    """The sentences of `headway stability` for every different vehicle, and for the whole string.
+
+    Raises:
+        CancelledError: When `stale()` turns true.
+    """
     scenario = state.scenario
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HeadwayWarning)
@@ -62,14 +66,18 @@ _FIGURES = {
 }
 
 
-def figures(state: State, result: Result) -> list[dict[str, Any]]:
-    """Safety, comfort and energy of a run: name, value, unit and which vehicle it is of."""
+def key_figures(state: State, result: Result) -> list[dict[str, Any]]:
+    """Safety, comfort and energy of a run.
+
+    Returns:
+        A table for each figure: `name`, `value` (None if it has none), `unit` and the `vehicle` it is of.
+    """
     from headway.metrics.registry import named
 
     dataset = to_dataset(state.scenario, result)
     # what an unfinished ride cost says nothing of the ride
     finished = bool(np.isfinite(dataset.speed.values[-1, -1]))
-    found: list[dict[str, Any]] = []
+    figures: list[dict[str, Any]] = []
     for name, title in _FIGURES.items():
         metric = named(name)
         values = np.asarray(metric.of(dataset).values, dtype=float)
@@ -84,10 +92,10 @@ def figures(state: State, result: Result) -> list[dict[str, Any]]:
                 which = 1 + int(np.nanargmin(row) if metric.whose == "least" else np.nanargmax(row))
             value = None if which is None else float(f"{values[which]:.3g}")
         unit = "" if metric.unit == "1" else metric.unit
-        found.append({"name": title, "value": value, "unit": unit, "vehicle": which})
+        figures.append({"name": title, "value": value, "unit": unit, "vehicle": which})
         if name == "least_acceleration" and value is not None and value < -UNPHYSICAL:
-            found[-1]["name"] += ", which no car can"
-    return found
+            figures[-1]["name"] += ", which no car can"
+    return figures
 
 
 def map_key(state: State) -> str:
@@ -108,16 +116,16 @@ def map_key(state: State) -> str:
 
 def map_of(state: State, points: int) -> Picture:
     """The map of string stability around the vehicle that the page looks at, `points` each way."""
-    linear = linear_of(state)
+    linear = linear_in_view(state)
     car = linear.vehicle
     gap = linear.gap if car.model.rests_everywhere else None
     axes = {name: (low, high, points) for name, low, high in state.axes}
     speed = None if "speed" in axes else linear.speed
-    found = stability_map(car, axes, speed=speed, gap=gap)
-    arrays = dict(zip(("x", "y"), found.axes.values(), strict=True))
-    arrays["verdict"] = found.dataset.verdict.values.T.astype(float)
-    lines = found.boundary.get("string stable", ())
+    result = stability_map(car, axes, speed=speed, gap=gap)
+    arrays = dict(zip(("x", "y"), result.axes.values(), strict=True))
+    arrays["verdict"] = result.dataset.verdict.values.T.astype(float)
+    lines = result.boundary.get("string stable", ())
     joined = [piece for line in lines for piece in (line, np.full((1, 2), math.nan))]
     arrays["boundary"] = np.concatenate(joined).T if joined else np.empty((2, 0))
     named = [{"name": n, "unit": axis_unit(car, n), "text": label(car, n)} for n in axes]
-    return Picture({"axes": named, "classes": list(found.classes)}, arrays)
+    return Picture({"axes": named, "classes": list(result.classes)}, arrays)

@@ -29,8 +29,13 @@ _USUAL = 0.4
 def slider(low: float, high: float, usual: float) -> dict[str, float | str]:
     """How far (0 to 1) a slider stands for values from low to high: by logarithm, or by a power.
 
-    Returns low, high, `scale` ("log" or "power") and the exponent p of value = low + (high - low) way^p, such that the
-    usual value lies within easy reach however wide the bounds are. Bounds that are not finite are taken around it.
+    Args:
+        low: Least value; bounds that are not finite are taken around the usual value.
+        high: Largest value.
+        usual: A value that has to lie within easy reach, however wide the bounds are.
+
+    Returns:
+        `low`, `high`, `scale` ("log" or "power") and the exponent `p` of value = low + (high - low) way^p.
     """
     size = 10.0 * max(abs(usual), 1.0)
     low = low if math.isfinite(low) else min(-size if usual < 0 else 0.0, usual)
@@ -86,15 +91,15 @@ def _parameter(p: Parameter) -> dict[str, Any]:
 
 def _axes(law: Law) -> dict[str, tuple[float, float]]:
     """Names a map of this law can have as axes, and the range each begins with."""
-    found: dict[str, tuple[float, float]] = {}
+    axes: dict[str, tuple[float, float]] = {}
     for p in law.parameters.values():
         if not p.info.structural:
             usual = abs(p.default) or 1.0
             low, high = max(p.info.low, 0.2 * usual), min(p.info.high, 2.5 * usual)
-            found[p.name] = (float(f"{low:.3g}"), float(f"{high:.3g}"))
-    found |= dict.fromkeys(_delays(law), (0.0, 1.5))
-    found |= {f"delay.{signal}": (0.0, 1.5) for signal in law.signals}
-    return found | {"lag": (0.0, 1.0), "speed": (2.0, 32.0)}
+            axes[p.name] = (float(f"{low:.3g}"), float(f"{high:.3g}"))
+    axes |= dict.fromkeys(_delays(law), (0.0, 1.5))
+    axes |= {f"delay.{signal}": (0.0, 1.5) for signal in law.signals}
+    return axes | {"lag": (0.0, 1.0), "speed": (2.0, 32.0)}
 
 
 def _delays(law: Law) -> list[str]:
@@ -122,14 +127,14 @@ def _kind(part: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _field(
-    name: str, part: Mapping[str, Any], required: bool, known: Mapping[str, tuple[Any, float, float]]
+    name: str, part: Mapping[str, Any], required: bool, own: Mapping[str, tuple[Any, float, float]]
 ) -> dict[str, Any]:
     """One field from its JSON schema."""
     forms = [part, *part.get("anyOf", ())]
     types = {f.get("type") for f in forms}
-    start, low, high = known.get(name) or next((f["usual"] for f in forms if "usual" in f), (None, 0.0, 1.0))
+    start, low, high = own.get(name) or next((f["usual"] for f in forms if "usual" in f), (None, 0.0, 1.0))
     unit = next((f["unit"] for f in forms if f.get("unit")), "")
-    found: dict[str, Any] = {
+    field: dict[str, Any] = {
         "name": name,
         "unit": unit,
         "text": part.get("description", "").removesuffix(f" [{unit}]"),
@@ -139,9 +144,9 @@ def _field(
     }
     choices = next((f["enum"] for f in forms if "enum" in f), None)
     if choices is not None:
-        return {**found, "type": "choice", "choices": choices}
+        return {**field, "type": "choice", "choices": choices}
     if types & {"number", "integer"}:
-        usual = found["start"] if isinstance(found["start"], int | float) else 0.5 * (low + high)
+        usual = field["start"] if isinstance(field["start"], int | float) else 0.5 * (low + high)
         spread = slider(low, high, usual) | _STEPS.get(name, {})
-        return {**found, "type": "number", "whole": "integer" in types, "slider": spread}
-    return {**found, "type": "numbers" if "array" in types else "text"}
+        return {**field, "type": "number", "whole": "integer" in types, "slider": spread}
+    return {**field, "type": "numbers" if "array" in types else "text"}

@@ -36,6 +36,7 @@ class Guard:
         self.app, self.token = app, token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Hand a request on to the application, or refuse it."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -60,8 +61,8 @@ class Guard:
             return "the explorer speaks only to its own page"
         if origin is not None and origin != f"http://{host}":
             return "the explorer speaks only to its own page"
-        given = scope["path"].split("/")[1] if "/" in scope["path"] else ""
-        if not secrets.compare_digest(given.encode(), self.token.encode()):
+        token = scope["path"].split("/")[1] if "/" in scope["path"] else ""
+        if not secrets.compare_digest(token.encode(), self.token.encode()):
             return "the token is missing or wrong; open the address that headway explore printed"
         return None
 
@@ -69,8 +70,8 @@ class Guard:
 def _with_headers(send: Send) -> Send:
     async def sending(message: Any) -> None:
         if message["type"] == "http.response.start":
-            given = {name for name, _ in message["headers"]}
-            extra = [(k.lower().encode(), v.encode()) for k, v in HEADERS.items() if k.lower().encode() not in given]
+            names = {name for name, _ in message["headers"]}
+            extra = [(k.lower().encode(), v.encode()) for k, v in HEADERS.items() if k.lower().encode() not in names]
             message = {**message, "headers": [*message["headers"], *extra]}
         await send(message)
 

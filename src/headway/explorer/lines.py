@@ -18,10 +18,11 @@ __all__ = ["python_lines"]
 def python_lines(scenario: Scenario, references: Mapping[str, str] | None = None) -> str:
     """A program that makes this scenario, simulates it and asks for its stability.
 
-    Numbers are written so that they are read back with the same bits. `references` says by name of a law of one's own
-    where it is, e.g. {"soft": "my.py:soft"}.
+    Args:
+        scenario: Its numbers are written so that they are read back with the same bits.
+        references: By name of a law of one's own, where it is, e.g. {"soft": "my.py:soft"}.
     """
-    known = dict(references or {})
+    files = dict(references or {})
     lines = ["import headway as hw", ""]
     parts: list[str] = []
     names: dict[Vehicle, str] = {}
@@ -29,7 +30,7 @@ def python_lines(scenario: Scenario, references: Mapping[str, str] | None = None
         if vehicle not in names:
             names[vehicle] = f"car_{len(names) + 1}"
             lines.append(
-                f"{names[vehicle]} = hw.Vehicle({_arguments(vehicle, [_model(vehicle.model, known)], 'model')})"
+                f"{names[vehicle]} = hw.Vehicle({_arguments(vehicle, [_model(vehicle.model, files)], 'model')})"
             )
         count = len(list(group))
         parts.append(f"[{names[vehicle]}] * {count}" if count > 1 else f"[{names[vehicle]}]")
@@ -60,12 +61,12 @@ def _law(law: Law, references: Mapping[str, str]) -> str:
 
 def _arguments(thing: Any, first: list[str], *skip: str) -> str:
     """The arguments that make a described thing: all fields but those that have their default."""
-    given = [
+    arguments = [
         f"{f.name}={_literal(f.name, getattr(thing, f.name))}"
         for f in dataclasses.fields(thing)
         if f.name not in skip and getattr(thing, f.name) != f.default
     ]
-    return ", ".join([*first, *given])
+    return ", ".join([*first, *arguments])
 
 
 def _literal(name: str, value: Any) -> str:

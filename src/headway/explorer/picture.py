@@ -27,7 +27,7 @@ from headway.scenario.scenario import Scenario
 from headway.theory.linear import Linear
 from headway.theory.platoon import head_to_tail
 
-__all__ = ["Picture", "Quick", "draw", "linear_of", "marks", "thinned"]
+__all__ = ["Picture", "Quick", "draw", "linear_in_view", "marks", "thinned"]
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,11 @@ class Quick:
         self._shared: _Shared | None = None
 
     def __call__(self, scenario: Scenario, stale: Callable[[], bool]) -> Result:
-        """The result of `simulate`, with the same bits. Raises `CancelledError` when `stale()` turns true."""
+        """The result of `simulate`, with the same bits.
+
+        Raises:
+            CancelledError: When `stale()` turns true.
+        """
         key = (structure(scenario), scenario.leader, scenario.cruise, scenario.seed)
         if self._shared is None or self._shared.key != key:
             self._shared = _Shared(key, Frame.of(scenario), [scenario.motion], {})
@@ -76,7 +80,7 @@ class Quick:
         return result
 
 
-def linear_of(state: State) -> Linear:
+def linear_in_view(state: State) -> Linear:
     """Linear theory of the vehicle that the page looks at."""
     scenario, n = state.scenario, state.first
     gap = scenario.initial_gaps()[n] if scenario.gaps is not None else None
@@ -95,8 +99,8 @@ def draft_step(scenario: Scenario) -> float:
         )
         rate = max(rate, math.sqrt(abs(slopes.get("s", 0.0))))
     own = scenario.step
-    wanted = min(_DRAFT, _STIFF / rate) if math.isfinite(rate) and rate > 0 else _DRAFT
-    return max(own, wanted)
+    step = min(_DRAFT, _STIFF / rate) if math.isfinite(rate) and rate > 0 else _DRAFT
+    return max(own, step)
 
 
 def _stepped(scenario: Scenario, dt: float, output_step: float) -> Scenario:
@@ -107,7 +111,18 @@ def _stepped(scenario: Scenario, dt: float, output_step: float) -> Scenario:
 
 
 def draw(state: State, quick: Quick, points: int, draft: bool, stale: Callable[[], bool]) -> tuple[Picture, Result]:
-    """The picture of a state with about `points` times, and the result that it shows."""
+    """The picture of a state, and the result that it shows.
+
+    Args:
+        state: What the page shows.
+        quick: Keeps what runs of one structure share.
+        points: About how many times the curves have.
+        draft: Whether longer steps will do.
+        stale: Turns true when nobody wants the picture any more.
+
+    Raises:
+        CancelledError: When it does, in the middle of a draft.
+    """
     scenario = state.scenario
     if draft:
         step, points = draft_step(scenario), min(points, _DRAFT_POINTS)
@@ -140,7 +155,7 @@ def _theory(state: State, arrays: dict[str, Array]) -> dict[str, Any]:
     from headway.theory import sweep
 
     try:
-        linear = linear_of(state)
+        linear = linear_in_view(state)
         row = sweep.rows_of([linear])
     except LeaderHeardError as error:
         return {"theory": {"error": str(error), "word": "no verdict on one vehicle"}}

@@ -41,8 +41,12 @@ def make_app(
 ) -> ASGIApp:
     """The application, guarded by `token`, whose page begins with `state`.
 
-    `references` says where laws of one's own are, for the Python lines. A recording that the state's leader names may
-    be used, and no other file.
+    Args:
+        token: First part of every path that is answered.
+        state: What the page shows first; a recording that its leader names may be used, and no other file.
+        laws: Laws of one's own that the page may choose.
+        references: By name, where they are, for the Python lines.
+        limits: How much a page may ask for.
     """
     laws = tuple(laws)
     file = state["scenario"].get("leader", {}).get("file")
@@ -58,15 +62,17 @@ def make_app(
         return Response(static[name], media_type=_TYPES[Path(name).suffix])
 
     async def hello(_: Request) -> Response:
-        told = {"version": __version__, "state": state, "limits": vars(limits), **controls(laws)}
-        return JSONResponse(told)
+        content = {"version": __version__, "state": state, "limits": vars(limits), **controls(laws)}
+        return JSONResponse(content)
 
     async def give(request: Request) -> Response:
         form = request.path_params["form"]
         if form not in FORMS:
             return PlainTextResponse(f"there is no export {form!r}; there are {', '.join(FORMS)}\n", 404)
         try:
-            checked = states.read(states.parse(await _body(request, limits.message)), laws, files, limits)
+            checked = states.checked_state(
+                states.finite_json(await _body(request, limits.message)), laws, files, limits
+            )
             text = await run_in_threadpool(export, checked, form, references or {})
         except HeadwayError as error:
             return PlainTextResponse(f"{error}\n", 400)
@@ -116,8 +122,12 @@ async def _body(request: Request, most: int) -> str:
 
 
 def plotly_script() -> Path:
-    """Plotly's bundled script in the installed package, which is not imported for it."""
-    found = importlib.util.find_spec("plotly")
-    if found is None or not found.submodule_search_locations:
+    """Plotly's bundled script in the installed package, which is not imported for it.
+
+    Raises:
+        HeadwayError: If plotly is not installed.
+    """
+    package = importlib.util.find_spec("plotly")
+    if package is None or not package.submodule_search_locations:
         raise HeadwayError("the explorer needs plotly; install headway[explorer]")
-    return Path(found.submodule_search_locations[0]) / "package_data" / "plotly.min.js"
+    return Path(package.submodule_search_locations[0]) / "package_data" / "plotly.min.js"

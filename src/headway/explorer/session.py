@@ -21,7 +21,7 @@ import numpy as np
 
 from headway.errors import HeadwayError, shorten
 from headway.explorer import state as states
-from headway.explorer.answers import figures, map_key, map_of, verdicts
+from headway.explorer.answers import key_figures, map_key, map_of, verdict_sentences
 from headway.explorer.picture import Picture, Quick, draw
 from headway.models import Law
 
@@ -92,7 +92,7 @@ class Session:
                 raise HeadwayError("the message is binary; the explorer takes JSON")
             if len(text) > self.limits.message:
                 raise HeadwayError(f"the message has {len(text)} characters; the explorer takes {self.limits.message}")
-            message = states.parse(text)
+            message = states.finite_json(text)
             if not isinstance(message, dict):
                 raise HeadwayError(f"the message is {shorten(message)}, not a table")
             number = _whole(message, "id", 0, 2**53)
@@ -110,7 +110,7 @@ class Session:
         self._something.set()
 
     async def work(self) -> None:
-        """Answer for ever."""
+        """Answer what is heard, newest first, until this task is cancelled."""
         try:
             while True:
                 await self._something.wait()
@@ -138,7 +138,7 @@ class Session:
 
     async def _answers(self, request: _Request, stale: Callable[[], bool]) -> None:
         begun = time.perf_counter()
-        state = states.read(request.state, self._laws, self._files, self.limits)
+        state = states.checked_state(request.state, self._laws, self._files, self.limits)
 
         def too_late() -> bool:
             # a hand that moves sends states faster than they are drawn: a draft is only given up if it takes long
@@ -149,7 +149,7 @@ class Session:
         await self._send(frame("pinned" if request.pinned else "curves", request.id, picture))
         if request.pinned:
             *_, result = await self._compute(draw, state, Quick(), request.points, False, stale)
-            await self._say("pinned figures", request.id, figures=await self._compute(figures, state, result))
+            await self._say("pinned figures", request.id, figures=await self._compute(key_figures, state, result))
             return
         try:
             await asyncio.wait_for(self._something.wait(), _REST)
@@ -159,7 +159,7 @@ class Session:
             pass
         exact, result = await self._compute(draw, state, self._quick, request.points, False, stale)
         await self._send(frame("curves", request.id, exact))
-        await self._say("figures", request.id, figures=await self._compute(figures, state, result))
+        await self._say("figures", request.id, figures=await self._compute(key_figures, state, result))
         if stale():
             return
         await self._theory(request.id, state, stale)
@@ -167,7 +167,7 @@ class Session:
     async def _theory(self, number: int, state: states.State, stale: Callable[[], bool]) -> None:
         """Verdicts and the map; a law without an equilibrium here has neither, and still drives."""
         try:
-            await self._say("verdict", number, sentences=await self._compute(verdicts, state, stale))
+            await self._say("verdict", number, sentences=await self._compute(verdict_sentences, state, stale))
         except HeadwayError as error:
             await self._say("verdict", number, sentences=[str(error)])
         key = map_key(state)
@@ -177,8 +177,8 @@ class Session:
             for points in (_COARSE, _FINE):
                 if stale():
                     return
-                found = await self._compute(map_of, state, points)
-                await self._send(frame("map", number, found))
+                picture = await self._compute(map_of, state, points)
+                await self._send(frame("map", number, picture))
             self._map = key
         except HeadwayError as error:
             await self._say("no map", number, text=str(error))

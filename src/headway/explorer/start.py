@@ -83,14 +83,19 @@ def explore(
 ) -> Explorer:
     """Open a page in the browser whose sliders move this scenario.
 
-    scenario: a `Scenario`, or a state of the explorer's page (`headway.explorer.state`).
-    models: laws of one's own that the page may choose beside those of the scenario and the built-in ones;
-    references: by name, where they are (my.py:soft), for the Python lines that the page gives.
-    port: of 127.0.0.1; 0 takes a free one. browser: whether to open it.
+    Args:
+        scenario: A `Scenario`, or a state of the explorer's page (`headway.explorer.state`).
+        models: Laws of one's own that the page may choose beside those of the scenario and the built-in ones.
+        references: By name, where they are (my.py:soft), for the Python lines that the page gives.
+        port: Of 127.0.0.1; 0 takes a free one.
+        browser: Whether to open the page in the browser.
 
-    Returns an `Explorer` that runs in a thread until it is closed or the program ends. Raises `HeadwayError` if
-    the scenario is beyond what the explorer takes, if the port is taken, or without the packages of the
-    `explorer` extra.
+    Returns:
+        An `Explorer` that runs in a thread until it is closed or the program ends.
+
+    Raises:
+        HeadwayError: If the scenario is beyond what the explorer takes, if the port is taken, or without the packages
+            of the `explorer` extra.
     """
     try:
         from headway.explorer.server import make_app, plotly_script
@@ -111,7 +116,7 @@ def explore(
     own = [law for law in laws.values() if BUILT_IN.get(law.name) is not law]
     leader = state["scenario"].get("leader")
     files = [leader["file"]] if isinstance(leader, Mapping) and "file" in leader else []
-    states.read(state, own, files)
+    states.checked_state(state, own, files)
     explorer = Explorer(make_app(secrets.token_urlsafe(18), state, own, references), port)
     threading.Thread(target=_warm, args=(state, own, files), daemon=True, name="warming").start()
     if browser:
@@ -122,7 +127,7 @@ def explore(
 def _warm(state: Mapping[str, Any], laws: list[Law], files: list[str]) -> None:
     """Load and compile what the first picture needs while the browser is loading the page."""
     from headway.explorer.picture import Quick, draw
-    from headway.explorer.state import read
+    from headway.explorer.state import checked_state
 
     with contextlib.suppress(HeadwayError, ArithmeticError, ValueError):  # the page will say what is wrong
-        draw(read(state, laws, files), Quick(), 600, True, lambda: False)
+        draw(checked_state(state, laws, files), Quick(), 600, True, lambda: False)

@@ -21,7 +21,7 @@ from headway.scenario.document import from_table, to_table
 from headway.scenario.leaders import KINDS, Disturbance
 from headway.scenario.scenario import Scenario
 
-__all__ = ["LIMITS", "Limits", "State", "decode", "encode", "parse", "read", "start_state"]
+__all__ = ["LIMITS", "Limits", "State", "checked_state", "decode", "encode", "finite_json", "start_state"]
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,6 @@ class Limits:
 
 LIMITS = Limits()
 
-#: longest step [s] where a scenario gives none (`headway.engine.plan` takes the same)
-_STEP = 0.01
-
 
 @dataclass(frozen=True)
 class State:
@@ -51,11 +48,18 @@ class State:
     axes: tuple[tuple[str, float, float], ...]
 
 
-def read(state: Any, laws: Iterable[Law] = (), files: Iterable[str] = (), limits: Limits = LIMITS) -> State:
-    """The checked state of a table; `files` are the recordings that its leader may name.
+def checked_state(state: Any, laws: Iterable[Law] = (), files: Iterable[str] = (), limits: Limits = LIMITS) -> State:
+    """The state of a table, checked.
 
-    Raises `HeadwayError` for everything that a scenario file may not have either, for what is beyond the limits
-    and for a recording that the explorer was not started with.
+    Args:
+        state: The table, see the head of this module.
+        laws: Laws of one's own that it may ask for.
+        files: Recordings that its leader may name.
+        limits: How much it may ask for.
+
+    Raises:
+        HeadwayError: For everything that a scenario file may not have either, for what is beyond the limits and for
+            a recording that the explorer was not started with.
     """
     if not isinstance(state, Mapping) or not isinstance(state.get("scenario"), Mapping):
         raise HeadwayError(f"state = {shorten(state)} is not a table with a scenario")
@@ -104,6 +108,9 @@ def _bound(table: Mapping[str, Any], limits: Limits) -> None:
         raise HeadwayError(
             f"duration = {seconds:g} s is too long for the explorer, which takes {limits.duration:g} s; use headway run"
         )
+    _bound_work(
+        max(vehicles, 1), seconds, _number(table.get("dt"), 0.0), _number(table.get("output_step"), 0.0), limits
+    )
     halves = seconds * _number(leader.get("omega"), 0.0) / math.pi
     samples = seconds / max(_number(leader.get("sample"), 1.0), 1e-9)
     kind = KINDS.get(str(leader.get("kind")), Disturbance)
@@ -116,12 +123,16 @@ def _bound_built(scenario: Scenario, limits: Limits) -> None:
         raise HeadwayError(
             f"the leader drives for {scenario.end:g} s; the explorer takes {limits.duration:g} s, so give a duration"
         )
-    step = min(scenario.dt or _STEP, scenario.output_step or math.inf)
-    work = len(scenario.followers) * scenario.end / step
-    if work > limits.work:
+    _bound_work(len(scenario.followers), scenario.end, scenario.step, scenario.output_step or 0.0, limits)
+
+
+def _bound_work(vehicles: int, seconds: float, dt: float, output_step: float, limits: Limits) -> None:
+    """Refuse too many steps of vehicles; a step of 0 is one that is not given."""
+    step = min((x for x in (dt, output_step) if x > 0), default=math.inf)
+    if (work := vehicles * seconds / step) > limits.work:
         raise HeadwayError(
-            f"{len(scenario.followers)} vehicles for {scenario.end:g} s in steps of {step:g} s are "
-            f"{work:.2g} steps; the explorer takes {limits.work:.2g}; use headway run"
+            f"{vehicles} vehicles for {seconds:g} s in steps of {step:g} s are {work:.2g} steps; "
+            f"the explorer takes {limits.work:.2g}; use headway run"
         )
 
 
@@ -137,8 +148,12 @@ def start_state(scenario: Scenario) -> dict[str, Any]:
     return {"scenario": to_table(scenario), "group": 0, "map": map_axes(scenario.followers[0].model.law)}
 
 
-def parse(text: str) -> Any:
-    """JSON whose numbers are all finite; `HeadwayError` for any other text."""
+def finite_json(text: str) -> Any:
+    """The value of JSON whose numbers are all finite.
+
+    Raises:
+        HeadwayError: For any other text.
+    """
 
     def refuse(name: str) -> Any:
         raise ValueError(f"{name} is not a number here")
@@ -156,12 +171,16 @@ def encode(state: Mapping[str, Any]) -> str:
 
 
 def decode(text: str) -> dict[str, Any]:
-    """The state of an address or of what follows its #; `HeadwayError` if it holds none."""
+    """The state of an address or of what follows its #.
+
+    Raises:
+        HeadwayError: If it holds none.
+    """
     _, _, fragment = text.rpartition("#")
     try:
-        found = parse(base64.urlsafe_b64decode(fragment + "=" * (-len(fragment) % 4)).decode())
+        state = finite_json(base64.urlsafe_b64decode(fragment + "=" * (-len(fragment) % 4)).decode())
     except (binascii.Error, ValueError):
-        found = None
-    if not isinstance(found, dict) or "scenario" not in found:
+        state = None
+    if not isinstance(state, dict) or "scenario" not in state:
         raise HeadwayError(f"{shorten(text)}: the address holds no state of the explorer")
-    return found
+    return state

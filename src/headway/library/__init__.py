@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from headway.models import Law
     from headway.scenario.scenario import Scenario
 
-__all__ = ["library", "library_scenario", "library_table"]
+__all__ = ["is_ready", "library", "library_scenario", "library_table"]
 
 #: where the files of each group lie in the package
 _GROUPS = {"paper": "literature/barhoumi2025/scenarios", "example": "library/example"}
@@ -39,6 +39,11 @@ def _files() -> dict[str, Traversable]:
     }
 
 
+def is_ready(name: str) -> bool:
+    """Whether a text is written as the name of a ready scenario, be there such a one or not."""
+    return name.partition(":")[0] in _GROUPS
+
+
 def library() -> dict[str, str]:
     """Full name of every ready scenario, e.g. `paper:idm-2`, and what it shows, in one line."""
     return {name: library_table(name)["description"].split(". ")[0].rstrip(".") for name in _files()}
@@ -48,7 +53,11 @@ def library() -> dict[str, str]:
 def library_table(name: str) -> dict[str, Any]:
     """The raw table of a ready scenario, to be changed freely by the caller.
 
-    Raises `HeadwayError` that names the nearest ready scenario if there is none called `name`.
+    Args:
+        name: Its full name, e.g. `paper:idm-2`.
+
+    Raises:
+        HeadwayError: If there is none of this name; the nearest one is named.
     """
     files = _files()
     if name not in files:
@@ -58,9 +67,14 @@ def library_table(name: str) -> dict[str, Any]:
 
 @typed
 def library_scenario(name: str, models: Iterable[Law] = ()) -> Scenario:
-    """The ready scenario called `name`; `models` are laws of one's own that it may ask for.
+    """A ready scenario.
 
-    Raises `HeadwayError` that names the nearest ready scenario if there is none called `name`.
+    Args:
+        name: Its full name, e.g. `paper:idm-2`.
+        models: Laws of one's own that it may ask for.
+
+    Raises:
+        HeadwayError: If there is none of this name; the nearest one is named.
     """
     from headway.scenario.document import from_table
 
