@@ -12,7 +12,7 @@ import numpy as np
 
 from headway.engine.history import CLOSE
 from headway.engine.layout import HOPS, LAG, ROW, ROWS, STANDING
-from headway.engine.loops import fast, seldom
+from headway.engine.loops import seldom
 from headway.scenario.motion import HIGHEST_ORDER
 
 __all__ = [
@@ -33,18 +33,18 @@ _SMOOTH = 3
 _SAME = 1e-10
 
 
-@fast
-def measure(kind, who, row, which, alone):
-    """A number that turns negative when an event happens to a follower: at row 0 or 1 of the lane's ring.
+@seldom
+def measure(kind, who, row, alone):
+    """A number that turns negative when an event happens to a follower: at row 0 or 1 of the lane's ring and commands.
 
-    `which` command belongs to it: that at the start or that at the end of the piece.
+    These are the start and the end of the piece.
     """
     own, few = alone.state, alone.platoon
     if kind == GAP:
         return own.ring[0, row, who] - own.ring[0, row, who + 1] - few.length[who]
     if kind == STOP:
         return own.ring[1, row, who + 1]
-    command, before = own.command[which, who], own.command[0, who]
+    command, before = own.command[row, who], own.command[0, who]
     if kind == START:
         return -command
     if kind == LOW:
@@ -54,7 +54,7 @@ def measure(kind, who, row, which, alone):
     return command - high if before > high else high - command
 
 
-@fast
+@seldom
 def _can_happen(kind, who, alone):
     own, few = alone.state, alone.platoon
     if own.watch[who] == 0.0:
@@ -72,15 +72,16 @@ def _can_happen(kind, who, alone):
 @seldom
 def first_incident(alone, below, but_kind, but_who):
     """Which event of a piece happens first if all measures are straight lines, as (kind, follower), leaving one out."""
-    best, first, whom = 2.0, NOTHING, 0
+    rows = (np.int64(0), np.int64(1))
+    best, first, whom = 2.0, np.int64(NOTHING), np.int64(0)
     for who in range(alone.state.go.size):
         for kind in range(5):
             if (kind == but_kind and who == but_who) or not _can_happen(kind, who, alone):
                 continue
-            end = measure(kind, who, 1, 1, alone)
+            end = measure(kind, who, rows[1], alone)
             if not end < below:
                 continue
-            start = measure(kind, who, 0, 0, alone)
+            start = measure(kind, who, rows[0], alone)
             guess = start / (start - end)
             if not guess > 0.0:
                 guess = 0.0
@@ -137,7 +138,7 @@ def collide(who, lane, time, state, B):
 # -- breaking points to come ---------------------------------------------------------------------
 
 
-@fast
+@seldom
 def due(lane, time, state):
     """Whether a breaking point has been reached; it is one to come no longer."""
     reached, i = False, 0
@@ -153,7 +154,7 @@ def due(lane, time, state):
     return reached
 
 
-@fast
+@seldom
 def next_due(lane, time, end, only_sharp, state):
     """The next breaking point before `end`, or that; `only_sharp`: smooth ones are passed over."""
     for i in range(state.pendings[lane]):
@@ -184,7 +185,7 @@ def remember(lane, time, order, state):
     state.earliest[0] = min(state.earliest[0], time)
 
 
-@fast
+@seldom
 def _group_of(who, groups):
     g = 0
     while who >= groups[g, ROW] + groups[g, ROWS]:
@@ -192,7 +193,7 @@ def _group_of(who, groups):
     return g
 
 
-@fast
+@seldom
 def _join(front, side, count, time, order):
     """Put (time, order) into a front unless it is there; (how many there are, which was sharpened or added)."""
     for i in range(count):
@@ -211,9 +212,8 @@ def _join(front, side, count, time, order):
 def _feel(who, lane, time, order, platoon, state):
     """Note where an event of a follower is felt later, by itself and by those behind: see `breaking.propagate`."""
     front, groups, hops = state.front, platoon.groups, platoon.hops
-    side = 0
+    side, count, none = np.int64(0), np.int64(1), np.int64(0)
     front[0, 0, 0], front[0, 0, 1] = time, order
-    count = 1
     while count > 0 and who < state.go.size // state.pendings.size:
         g = _group_of(who, groups)
         lag = 1 if groups[g, LAG] else 0
@@ -237,7 +237,7 @@ def _feel(who, lane, time, order, platoon, state):
         if who == state.go.size // state.pendings.size:
             break
         g = _group_of(who, groups)
-        following = 0
+        following = none
         for i in range(count):
             t, q = front[side, i, 0], front[side, i, 1]
             for j in range(HOPS):

@@ -24,7 +24,7 @@ def _cubic(row, theta):
     return row[0] + theta * (row[1] + theta * (row[2] + theta * row[3]))
 
 
-@fast
+@seldom
 def leader_at(out, table, lane, share, length, before):
     """Position, speed and acceleration of the leader after `share` of a step, from its exact ones at 0, 1/2 and 1.
 
@@ -56,29 +56,30 @@ def leader_at(out, table, lane, share, length, before):
     out[0, 0] = table[0, 0, lane] + half * (integral - at_start)
 
 
-@fast
-def _from_ring(ends, side, row, lane, state, B, lo, hi):
+@seldom
+def _from_ring(end, row, lane, state, B, lo, hi):
     """A row of the ring as one end of a step of the past."""
     ring = state.ring
     for q in range(5):
         # at the start of a step the acceleration's limit from the right, which is kept where it has two
         source = 3 if q == 2 and state.two[row] == 0 else q
         for n in range(lo, hi):
-            ends[side, q, n] = ring[source, row, n * B + lane]
+            end[q, n] = ring[source, row, n * B + lane]
 
 
-@fast
-def _from_node(ends, side, node, state, lo, hi):
+@seldom
+def _from_node(end, node, state, lo, hi):
     for q in range(5):
         for n in range(lo, hi):
-            ends[side, q, n] = state.node[q, node, n]
+            end[q, n] = state.node[q, node, n]
 
 
-@fast
-def _from_now(ends, side, now, own, lo, hi):
-    for q in range(5):
-        for n in range(lo, hi):
-            ends[side, q, n] = own.ring[q, now, n]
+@seldom
+def _from_now(ends, own, lo, hi):
+    for side in range(2):
+        for q in range(5):
+            for n in range(lo, hi):
+                ends[side, q, n] = own.ring[q, side, n]
 
 
 @seldom
@@ -106,8 +107,8 @@ def see(lane, k, row0, time, c, right, start, length, platoon, steps, state, alo
         a, b = state.time[r], state.time[after]
         node = state.first[r, lane]
         if node < 0:
-            _from_ring(ends, 0, r, lane, state, B, lo, hi)
-            _from_ring(ends, 1, after, lane, state, B, lo, hi)
+            _from_ring(ends[0], r, lane, state, B, lo, hi)
+            _from_ring(ends[1], after, lane, state, B, lo, hi)
         else:
             following = state.node_next[node]
             while following >= 0:
@@ -119,15 +120,14 @@ def see(lane, k, row0, time, c, right, start, length, platoon, steps, state, alo
             a = state.node_time[node]
             if following >= 0:
                 b = state.node_time[following]
-                _from_node(ends, 0, node, state, lo, hi)
-                _from_node(ends, 1, following, state, lo, hi)
+                _from_node(ends[0], node, state, lo, hi)
+                _from_node(ends[1], following, state, lo, hi)
             elif row == row0 + k:
                 a, b = start, start + length
-                _from_now(ends, 0, 0, own, lo, hi)
-                _from_now(ends, 1, 1, own, lo, hi)
+                _from_now(ends, own, lo, hi)
             else:
-                _from_node(ends, 0, node, state, lo, hi)
-                _from_ring(ends, 1, after, lane, state, B, lo, hi)
+                _from_node(ends[0], node, state, lo, hi)
+                _from_ring(ends[1], after, lane, state, B, lo, hi)
         h = b - a
         theta = (t - a) / h
         theta = 0.0 if abs(t - a) < CLOSE else (1.0 if abs(t - b) < CLOSE else theta)
@@ -140,7 +140,7 @@ def see(lane, k, row0, time, c, right, start, length, platoon, steps, state, alo
             own.looked[slot, buffer, q, 0] = out[q, 0]
 
 
-@fast
+@seldom
 def _interpolate(out, ends, theta, h, before, needs, lo, hi):
     """Hermite's cubic between two states; `before` t = 0 all is linear."""
     one = 1.0 - theta

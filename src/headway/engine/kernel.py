@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from headway.engine.calls import address_of_tuple, call_lanes
+from headway.engine.calls import at_place, call_lanes
 from headway.engine.events import collide
 from headway.engine.history import CLOSE
 from headway.engine.layout import (
@@ -214,8 +214,7 @@ def advance(first, last, row0, detect, extra, lanes, platoon, steps, state, alon
             out_row = _record(out, out_row, x, v, start)
         if detect == EXACT and happened:
             call_lanes(
-                lanes, k, row0, B, address_of_tuple(platoon), address_of_tuple(steps), address_of_tuple(state),
-                address_of_tuple(alone),
+                lanes, k, row0, B, at_place(platoon), at_place(steps), at_place(state), at_place(alone)
             )  # fmt: skip
             if steps.flags[k] & FLAG_RECORD:
                 copy(out[2, out_row - 1], ring[2 if state.two[here] else 3, here])

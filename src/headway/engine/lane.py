@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import functools
 
+import numpy as np
 from numba import cfunc
 
-from headway.engine.calls import LANES, alone_at, platoon_at, state_at, steps_at
+from headway.engine.calls import LANES, PIECE, call_piece
 from headway.engine.events import (
     AT_START,
     NOTHING,
@@ -29,11 +30,11 @@ from headway.engine.events import (
 )
 from headway.engine.history import CLOSE, leader_at, see
 from headway.engine.layout import NO_ROOM, REFINED, REPETITION, STANDING, WORK
-from headway.engine.loops import copy, fast, finish, scale_add, scale_add2, seldom, stage, third
+from headway.engine.loops import copy, finish, scale_add, scale_add2, seldom, stage, third
 from headway.engine.mesh import AT
 from headway.engine.rates import PASSES, accelerate, end_lagged, lagged_or_pure, place_leader
 
-__all__ = ["lanes_address"]
+__all__ = ["lanes_address", "piece_address"]
 
 #: length [s] of the piece after an event, in which the vehicle is not watched
 _UNWATCHED = 1e-6
@@ -49,8 +50,10 @@ _TRIALS = 60
 
 _MIDDLE, _THIRD = AT[1], AT[3]
 
+_compiled = functools.partial(cfunc, cache=True, error_model="numpy", _nrt=False)
 
-@fast
+
+@seldom
 def _gather(lane, here, platoon, state, alone, B):
     """Copy a lane's numbers and its state at the start of the step."""
     own, few = alone.state, alone.platoon
@@ -70,7 +73,7 @@ def _gather(lane, here, platoon, state, alone, B):
             few.parameters[i, m] = platoon.parameters[i, e]
 
 
-@fast
+@seldom
 def _scatter(lane, there, state, alone, B):
     """Put the state at the end of the step back into the batch."""
     own, ring = alone.state, state.ring
@@ -85,7 +88,7 @@ def _scatter(lane, there, state, alone, B):
         state.J[4, e], state.command[1, e] = own.J[0, m], own.command[0, m]
 
 
-@fast
+@seldom
 def _note(lane, here, last, time, state, alone):
     """Note the start of a piece as a node of the lane, behind node `last` of the same step; its number."""
     own = alone.state
@@ -106,7 +109,6 @@ def _note(lane, here, last, time, state, alone):
     return node
 
 
-@fast
 def _piece(fresh, lane, k, row0, start, length, platoon, steps, state, alone, B):
     """Make a piece of a step, from row 0 of the lane's ring to row 1, by the method that makes whole steps.
 
@@ -163,13 +165,13 @@ def _piece(fresh, lane, k, row0, start, length, platoon, steps, state, alone, B)
             accelerate(0, c, 0, few, alone.steps, own, c & 1, False, X, V, A, J[at], command, True, 1)
             if at == 3:
                 finish(xn[1:], vn[1:], x[1:], v[1:], a[1:], K[1, 1:], K[2, 1:], A[1:], h)
-                place_leader(xn, vn, an, alone.steps, 0, 2, 1)
+                place_leader(xn, vn, an, alone.steps, 0, c, 1)
             elif at == 5:
                 copy(ring[4, 0], A)
     state.tally[WORK] += ring.shape[2]
 
 
-@fast
+@seldom
 def _step_lane(lane, k, row0, platoon, steps, state, alone, B):
     """Make step `k` of a chunk again for one lane, whose start is in the ring; its end replaces that of the batch.
 
@@ -181,7 +183,10 @@ def _step_lane(lane, k, row0, platoon, steps, state, alone, B):
     own, late = alone.state, platoon.delays.size > 0
     time, end = steps.time[k], steps.time[k + 1]
     _gather(lane, here, platoon, state, alone, B)
-    node = _note(lane, here, -1, time, state, alone) if late else -1
+    # a helper is compiled once for each type: a constant has one of its own, a number of 64 bits has not
+    rows, node = (np.int64(0), np.int64(1)), np.int64(-1)
+    if late:
+        node = _note(lane, here, node, time, state, alone)
     fresh = due(lane, time, state)
     moment = False  # whether the piece is the one after an event
     events, pieces = 0, 0
@@ -190,11 +195,11 @@ def _step_lane(lane, k, row0, platoon, steps, state, alone, B):
         if moment and time + _UNWATCHED < stop:
             stop = time + _UNWATCHED
         length = stop - time
-        kind, who, share = NOTHING, 0, 1.0
+        kind, who, share = np.int64(NOTHING), np.int64(0), 1.0
         low, at_low, high, at_high, side, trials = 0.0, 0.0, 0.0, 0.0, 0, 0
         whole = False
         while True:
-            _piece(fresh, lane, k, row0, time, share * length, platoon, steps, state, alone, B)
+            call_piece(alone.piece, fresh, lane, k, row0, time, share * length, platoon, steps, state, alone, B)
             if fresh:
                 if pieces == 0:
                     _keep_both_limits(lane, here, state, alone, B)
@@ -202,7 +207,7 @@ def _step_lane(lane, k, row0, platoon, steps, state, alone, B):
             if whole:
                 break
             if kind != NOTHING:
-                value = measure(kind, who, 1, 1, alone)
+                value = measure(kind, who, rows[1], alone)
                 trials += 1
                 near = high - low
                 if value < 0.0:
@@ -224,8 +229,8 @@ def _step_lane(lane, k, row0, platoon, steps, state, alone, B):
                 share, whole = 1.0, True
                 continue
             kind, who = other, another
-            low, at_low, side, trials = 0.0, measure(kind, who, 0, 0, alone), 0, 0
-            high, at_high = share, measure(kind, who, 1, 1, alone)
+            low, at_low, side, trials = 0.0, measure(kind, who, rows[0], alone), 0, 0
+            high, at_high = share, measure(kind, who, rows[1], alone)
             if not at_low > 0.0:
                 share = 0.0
                 break
@@ -263,14 +268,14 @@ def _step_lane(lane, k, row0, platoon, steps, state, alone, B):
         moment = let_happen(kind, who, lane, time, platoon, state, alone, B)
         jumps = share <= AT_START or kind in (STOP, START)
         if jumps and time >= end:
-            remember(lane, time, 2, state)
+            remember(lane, time, 2.0, state)
         fresh = fresh or (jumps and time < end)
     if state.fault[lane] != 0:
         _give_up(lane, state, alone, B)
     _scatter(lane, there, state, alone, B)
 
 
-@fast
+@seldom
 def _between(low, at_low, high, at_high):
     """Where the straight line through the measures at two shares is zero, strictly between them."""
     share = (low * at_high - high * at_low) / (at_high - at_low)
@@ -304,13 +309,17 @@ def _give_up(lane, state, alone, B):
 @functools.cache
 def lanes_address() -> int:
     """Address of the compiled `_step_lanes`."""
-    return int(cfunc(LANES, cache=True, error_model="numpy")(_step_lanes).address)
+    return int(_compiled(LANES)(_step_lanes).address)
 
 
-def _step_lanes(k, row0, B, platoon_address, steps_address, state_address, alone_address):
+@functools.cache
+def piece_address() -> int:
+    """Address of the compiled `_piece`."""
+    return int(_compiled(PIECE)(_piece).address)
+
+
+def _step_lanes(k, row0, B, platoon, steps, state, alone):
     """Let every lane that is marked, or in which something happened, make step `k` by itself."""
-    platoon, steps = platoon_at(platoon_address), steps_at(steps_address)
-    state, alone = state_at(state_address), alone_at(alone_address)
     for e in range(state.happened.size):
         if state.happened[e] != 0.0:
             state.todo[e % B], state.happened[e] = 1, 0.0

@@ -125,3 +125,4 @@ class Alone(NamedTuple):
     steps: Steps
     state: State
     reserve: int  # nodes that must be free before a step
+    piece: int  # address of the compiled `lane._piece`, 0 as long as nothing happened

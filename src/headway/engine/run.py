@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.engine import kernel, layout
-from headway.engine.lane import lanes_address
+from headway.engine.lane import lanes_address, piece_address
 from headway.engine.leading import lead_ballistic, lead_exact
 from headway.engine.mesh import AT, Lookup, look_up
 from headway.engine.plan import Plan
@@ -123,6 +123,8 @@ class Run:
                 if done == before:
                     # something happened for the first time: only now is needed what steps single lanes
                     self.stepper = lanes_address()
+                    if self.alone is not None:
+                        self.alone = self.alone._replace(piece=piece_address())
             self.made = last
 
     def result(self) -> Result:
@@ -321,4 +323,4 @@ def _alone(plan: Plan) -> layout.Alone:
     state = _state(plan, 1, 2)
     for array in state:
         array.fill(0)
-    return layout.Alone(platoon, steps, state, _reserve(plan))
+    return layout.Alone(platoon, steps, state, _reserve(plan), 0)
