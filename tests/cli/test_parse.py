@@ -14,11 +14,11 @@ from headway.errors import HeadwayError
 
 
 @pytest.mark.parametrize(("call", "value"), [
-    (lambda: parse.axis("--x", "T=0.5:2.5"), ("T", (0.5, 2.5))),
-    (lambda: parse.axis("--x", " T =1:2:30"), ("T", (1.0, 2.0, 30.0))),
+    (lambda: parse.axis_range("--x", "T=0.5:2.5"), ("T", (0.5, 2.5))),
+    (lambda: parse.axis_range("--x", " T =1:2:30"), ("T", (1.0, 2.0, 30.0))),
     (lambda: parse.window("--window", "0:200"), (0.0, 200.0)),
-    (lambda: parse.bounds("--bound", ["T=0.5:3", "delay=0:1"]), {"T": (0.5, 3.0), "delay": (0.0, 1.0)}),
-    (lambda: parse.bounds("--bound", None), {}),
+    (lambda: parse.ranges("--bound", ["T=0.5:3", "delay=0:1"]), {"T": (0.5, 3.0), "delay": (0.0, 1.0)}),
+    (lambda: parse.ranges("--bound", None), {}),
     (lambda: parse.shard("3/16"), (3, 16)), (lambda: parse.shard(""), None),
     (lambda: parse.names("C05, idm-1,", "C06"), ["C05", "idm-1", "C06"]),
     (lambda: parse.delay("0.5"), 0.5), (lambda: parse.delay("s=0.5,dv=1"), {"s": 0.5, "dv": 1.0}),
@@ -28,11 +28,11 @@ def test_texts(call, value):
 
 
 @pytest.mark.parametrize("call", [
-    *(lambda text=text: parse.axis("--x", text)
+    *(lambda text=text: parse.axis_range("--x", text)
       for text in ("", "T", "T=", "T=1", "T=1:", "T=1:x", "T=1:2:3:4", "T=1:2:2.5", "T=1:2:nan", "T=1_0:2")),
     *(lambda text=text: parse.shard(text) for text in ("3", "/", "3/", "a/b", "-1/2", "²/3", "1/" + "9" * 5000)),
     *(lambda text=text: parse.window("--window", text) for text in ("", "1", "1:2:3", "a:b", "nan:1", "0:inf")),
-    *(lambda text=text: parse.bounds("--bound", [text]) for text in ("T", "T=1", "=1:2", "T=1:2:3")),
+    *(lambda text=text: parse.ranges("--bound", [text]) for text in ("T", "T=1", "=1:2", "T=1:2:3")),
 ])  # fmt: skip
 def test_other_texts_get_a_sentence(call):
     with pytest.raises(HeadwayError, match=r"^--\w+ .*write "):

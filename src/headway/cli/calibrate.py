@@ -67,7 +67,7 @@ def calibrate(
     law = law_named(model)
     windows = [parse.window("--train", text) for text in train or []]
     tests = [parse.window("--test", text) if parse.is_window(text) else text for text in test or []]
-    bounds = parse.bounds("--bound", bound)
+    bounds = parse.ranges("--bound", bound)
 
     from headway.calibration.document import save
     from headway.calibration.fit import calibrate as fit_vehicle

@@ -60,8 +60,9 @@ def map_(
     """Stability map over two or three axes, with exact theory and a traced boundary."""
     check_target(out, (".nc",))
     check_target(figure, FIGURES)
-    axes = dict(parse.axis(option, text) for option, text in (("--x", x), ("--y", y), ("--z", z)) if text is not None)
-    if len(axes) < sum(text is not None for text in (x, y, z)):
+    typed = [(option, text) for option, text in (("--x", x), ("--y", y), ("--z", z)) if text is not None]
+    axes = dict(parse.axis_range(option, text) for option, text in typed)
+    if len(axes) < len(typed):
         raise HeadwayError("an axis is given twice; the axes of a map differ")
     if not axes:
         options = [n for n, value in (("--speed", speed), ("--gap", gap), ("--set", set_), ("--point", point)) if value]

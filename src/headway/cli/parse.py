@@ -7,7 +7,18 @@ from collections.abc import Iterable
 
 from headway.errors import HeadwayError
 
-__all__ = ["PARAMETER", "assignments", "axis", "bounds", "delay", "is_window", "names", "pairs", "shard", "window"]
+__all__ = [
+    "PARAMETER",
+    "assignments",
+    "axis_range",
+    "delay",
+    "is_window",
+    "names",
+    "pairs",
+    "ranges",
+    "shard",
+    "window",
+]
 
 #: how a parameter is written
 PARAMETER = "parameter=number, e.g. T=1.2"
@@ -49,7 +60,7 @@ def is_window(text: str) -> bool:
     return len(parts) == 2 and all(x is not None and math.isfinite(x) for x in parts)
 
 
-def axis(option: str, text: str) -> tuple[str, tuple[float, ...]]:
+def axis_range(option: str, text: str) -> tuple[str, tuple[float, ...]]:
     """Name and range of an axis of a text such as T=0.5:2.5, or T=0.5:2.5:100 with a number of points.
 
     Args:
@@ -71,7 +82,7 @@ def axis(option: str, text: str) -> tuple[str, tuple[float, ...]]:
     return name.strip(), numbers
 
 
-def bounds(option: str, texts: list[str] | None) -> dict[str, tuple[float, float]]:
+def ranges(option: str, texts: list[str] | None) -> dict[str, tuple[float, float]]:
     """Two numbers by name of texts such as T=0.5:3."""
     typed = pairs(option, texts, "name=low:high, e.g. T=0.5:3") or {}
     return {name: window(option, text) for name, text in typed.items()}
