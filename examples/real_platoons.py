@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 
 import headway as hw
-from headway.calibration import Fit, cross_validate, growth, one_in, replay, verdict
+from headway.calibration import Fit, cross_validate, measured_growth, one_in, replay, verdict
 from headway.models import CACC, FVDM, GMM, IDM, OVM
 
 
@@ -97,7 +97,7 @@ def summary(name: str, fits: Fits) -> None:
 
 def amplification(name: str, recording: hw.data.Recording, fits: Fits, runs: Mapping[str, Any]) -> list[object]:
     """Measured growth and what each law predicts: last over first follower's leader, and directions per vehicle."""
-    measured = growth(recording.speed)
+    measured = measured_growth(recording.speed)
     sure = (measured.grows >= 0.95) | (measured.grows <= 0.05)
     cells: list[object] = [
         name,
@@ -108,7 +108,7 @@ def amplification(name: str, recording: hw.data.Recording, fits: Fits, runs: Map
         if not np.isfinite(speed).all():
             cells.append("collides")
             continue
-        found = growth(speed)
+        found = measured_growth(speed)
         right = int(np.sum(((found.ratio > 1) == (measured.ratio > 1))[1:] & sure[1:]))
         grown = f"{found.deviation[-1] / found.deviation[0]:.3g} ({found.range[-1] / found.range[0]:.3g})"
         cells.append(f"{grown}; {right} of {int(sure[1:].sum())}")
@@ -117,7 +117,7 @@ def amplification(name: str, recording: hw.data.Recording, fits: Fits, runs: Map
 
 def verdicts(name: str, recording: hw.data.Recording, fits: Sequence[Fit]) -> None:
     """Of every vehicle: measured ratio of deviations with its interval, and the verdict of its fitted law."""
-    measured = growth(recording.speed)
+    measured = measured_growth(recording.speed)
     for fit in fits:
         n = fit.follower
         row(

@@ -10,7 +10,7 @@ import pytest
 from conftest import shared_file
 
 import headway as hw
-from headway.calibration import as_recorded, growth, measured_transfer, one_in, replay, verdict
+from headway.calibration import as_recorded, measured_growth, measured_transfer, one_in, replay, verdict
 from headway.calibration.uncertainty import block_length, effective_samples
 from headway.errors import HeadwayError, LeaderHeardError
 from headway.models import CACC, FVDM, GMM, IDM, OVM
@@ -149,7 +149,7 @@ def test_replay_of_what_made_the_data():
     run = replay(RECORD, [TRUE, TRUE])
     errors = hw.data.compare(run, RECORD)
     assert float(errors.rms_gap_error.max()) < 0.4
-    real, simulated = growth(RECORD.speed), growth(run.speed.values)
+    real, simulated = measured_growth(RECORD.speed), measured_growth(run.speed.values)
     np.testing.assert_allclose(real.deviation, simulated.deviation, rtol=0.01)
     assert np.isnan(real.ratio[0])
     assert (real.ratio_low[1:] < real.ratio[1:]).all()
@@ -376,5 +376,5 @@ def test_a_real_acc_car_amplifies_and_idm_says_so():
     assert fit.train[0].gap < 1.2
     assert fit.test[0].gap < 1.0 < fit.test[0].copy_gap
     assert verdict(fit).words.startswith("surely string unstable")
-    measured = growth(record.speed)
+    measured = measured_growth(record.speed)
     assert measured.grows[1] > 0.975

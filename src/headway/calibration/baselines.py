@@ -55,6 +55,6 @@ def _baselines(segment: Segment, start: Array) -> tuple[Array, Array]:
 
 
 def _rms(loop: Loop, path: Array) -> tuple[float, float]:
-    error = np.where(loop.known, path - loop.observed, 0.0)
+    error = np.where(loop.valid, path - loop.observed, 0.0)
     gap, speed = np.sqrt((error**2).sum(axis=1) / np.maximum(loop.counts, 1))
     return float(gap), float(speed)

@@ -18,7 +18,7 @@ from headway.scenario.vehicle import Vehicle
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MEASURES", "one_in", "replay", "section"]
+__all__ = ["MEASURES", "one_in", "part_of", "replay"]
 
 #: what `one_in` measures: unit and meaning
 MEASURES = {
@@ -30,7 +30,7 @@ MEASURES = {
 }
 
 
-def section(recording: Recording, window: Window | None) -> Recording:
+def part_of(recording: Recording, window: Window | None) -> Recording:
     """The recording, or its part within `window` [s of the recording]."""
     return recording if window is None else recording.between(*window)
 
@@ -40,7 +40,7 @@ def replay(recording: Recording, followers: Sequence[Vehicle], window: Window | 
     """The whole string simulated from the recorded leader alone: a dataset as of `headway.simulate`.
 
     followers: one vehicle for each recorded one, front to back. Times start at 0; compare with
-    `headway.data.compare(replay(…), section(recording, window).from_zero())`.
+    `headway.data.compare(replay(…), part_of(recording, window).from_zero())`.
     """
     from headway.engine.simulate import simulate
 
@@ -76,18 +76,18 @@ def one_in(
             raise HeadwayError(f"every = {n!r} is not a whole number from 0 to {followers}")
     strings = [[other if n and (i + 1) % n == 0 else base[i % len(base)] for i in range(followers)] for n in every]
     runs = simulate_many([behind(recording, s, window=window, state="equilibrium")[0] for s in strings])
-    found: dict[str, list[float]] = {name: [] for name in MEASURES}
+    results: dict[str, list[float]] = {name: [] for name in MEASURES}
     for string, run in zip(strings, runs, strict=True):
         speed, gap = run.speed.values, run.gap.values[1:]
-        found["speed_deviation"].append(float(speed[-1].std()))
-        found["growth"].append(float(speed[-1].std() / speed[0].std()))
-        found["least_speed"].append(float(speed[1:].min()))
-        found["least_gap"].append(float(gap.min()))
-        found["head_to_tail_gain"].append(_gain(string, float(speed[0].mean())))
+        results["speed_deviation"].append(float(speed[-1].std()))
+        results["growth"].append(float(speed[-1].std() / speed[0].std()))
+        results["least_speed"].append(float(speed[1:].min()))
+        results["least_gap"].append(float(gap.min()))
+        results["head_to_tail_gain"].append(_gain(string, float(speed[0].mean())))
     return xr.Dataset(
         {
             n: ("every", values, dict(zip(("units", "long_name"), MEASURES[n], strict=True)))
-            for n, values in found.items()
+            for n, values in results.items()
         },
         coords={"every": list(every)},
         attrs={"source": recording.source, "other": repr(other.model), "followers": followers},

@@ -54,7 +54,7 @@ def cross_validate(
     space = Space.of(model, fit, bounds)
     places = [(i, n) for i in range(len(records)) for n in vehicles]
     pieces = [cut(records[i], n)[0] for i, n in places]
-    found: dict[str, Any] = {name: np.full((len(places), len(places)), np.nan) for name in _MEANINGS}
+    results: dict[str, Any] = {name: np.full((len(places), len(places)), np.nan) for name in _MEANINGS}
     values = np.empty((len(places), len(space.names)))
     for row, segments in enumerate(pieces):
         best = search(Loop(space, segments, objective), seeds, seed)[0][:, 0]
@@ -62,11 +62,11 @@ def cross_validate(
         for column, others in enumerate(pieces):
             errors = errors_on(others, space, best)
             for name in _MEANINGS:
-                found[name][row, column] = getattr(errors, name)
+                results[name][row, column] = getattr(errors, name)
     labels = [f"{records[i].source} {n}" for i, n in places]
     data: dict[str, Any] = {
         n: (("trained", "tested"), x, dict(zip(("units", "long_name"), _MEANINGS[n], strict=True)))
-        for n, x in found.items()
+        for n, x in results.items()
     }
     data["values"] = (("trained", "quantity"), values)
     return xr.Dataset(data, coords={"trained": labels, "tested": labels, "quantity": list(space.names)})

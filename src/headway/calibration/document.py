@@ -17,28 +17,28 @@ from headway.scenario.vehicle import Vehicle
 if TYPE_CHECKING:
     from headway.calibration.fit import Fit
 
-__all__ = ["load_followers", "save", "table", "to_toml"]
+__all__ = ["fits_table", "fits_toml", "load_followers", "save"]
 
 
-def to_toml(fits: Sequence[Fit]) -> str:
+def fits_toml(fits: Sequence[Fit]) -> str:
     """Fits as a TOML text: `[[followers]]` that a scenario accepts, and `[[fits]]`, one for each."""
     import tomli_w
 
-    return tomli_w.dumps(table(fits))
+    return tomli_w.dumps(fits_table(fits))
 
 
-def table(fits: Sequence[Fit]) -> dict[str, Any]:
+def fits_table(fits: Sequence[Fit]) -> dict[str, Any]:
     """Fits as plain tables: `followers`, and `fits` with what is known about each."""
-    return {"followers": [_follower(f.vehicle) for f in fits], "fits": [_known(f) for f in fits]}
+    return {"followers": [_follower(f.vehicle) for f in fits], "fits": [_record(f) for f in fits]}
 
 
 @typed
 def save(fits: Sequence[Fit], path: str | os.PathLike[str]) -> Path:
-    """Write `to_toml(fits)`; HeadwayError where that cannot be done."""
+    """Write `fits_toml(fits)`; HeadwayError where that cannot be done."""
     target = Path(path)
     if target.suffix != ".toml":
         raise HeadwayError(f"{target}: a fit is written as .toml, not {target.suffix or 'without suffix'}")
-    text = to_toml(fits)
+    text = fits_toml(fits)
     with writing(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return target
@@ -47,20 +47,20 @@ def save(fits: Sequence[Fit], path: str | os.PathLike[str]) -> Path:
 @typed
 def load_followers(path: str | os.PathLike[str], models: Iterable[Law] = ()) -> list[Vehicle]:
     """The vehicles of a file of fits, or of any file with `[[followers]]`; `models` are laws of one's own in it."""
-    found = read_table(path)
-    if "followers" not in found:
+    content = read_table(path)
+    if "followers" not in content:
         raise HeadwayError(f"{path}: has no [[followers]]; headway calibrate --out writes such a file")
-    return vehicles(found["followers"], models)
+    return vehicles(content["followers"], models)
 
 
 def _follower(car: Vehicle) -> dict[str, Any]:
-    made: dict[str, Any] = {"model": car.model.name, "parameters": car.model.parameters}
+    entry: dict[str, Any] = {"model": car.model.name, "parameters": car.model.parameters}
     delay: Any = car.delay
-    made |= {"delay": delay if isinstance(delay, float) else dict(delay), "lag": car.lag, "length": car.length}
-    return made | ({"limits": list(car.limits)} if car.limits else {})
+    entry |= {"delay": delay if isinstance(delay, float) else dict(delay), "lag": car.lag, "length": car.length}
+    return entry | ({"limits": list(car.limits)} if car.limits else {})
 
 
-def _known(fit: Fit) -> dict[str, Any]:
+def _record(fit: Fit) -> dict[str, Any]:
     return {
         "vehicle": fit.follower,
         "sources": list(dict.fromkeys(s.source for s in fit.segments)),

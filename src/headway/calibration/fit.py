@@ -101,8 +101,8 @@ class Fit:
         """Gaps [m] and speeds [m/s] (n,) of the fitted vehicle at the samples of each segment."""
         loop = Loop(self.space, segments, self.objective)
         at = self.space.unit(np.array(list(self.values.values()))[:, None])
-        found = loop.paths(at)[0][:, :, 0]
-        return [(found[0, part], found[1, part]) for part in loop.parts_of]
+        path = loop.paths(at)[0][:, :, 0]
+        return [(path[0, part], path[1, part]) for part in loop.parts_of]
 
     @functools.cached_property
     def residuals(self) -> list[tuple[Array, Array, Array]]:
@@ -133,9 +133,9 @@ class Fit:
 
     def to_toml(self) -> str:
         """The fit as TOML whose `followers` a scenario accepts."""
-        from headway.calibration.document import to_toml
+        from headway.calibration.document import fits_toml
 
-        return to_toml([self])
+        return fits_toml([self])
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write `to_toml` to a file; returns its path."""
@@ -188,9 +188,9 @@ def calibrate(
     notes: list[str] = []
     segments: list[Segment] = []
     for record in recordings:
-        found, said = cut(record, vehicle, windows)
-        segments += found
-        notes += said
+        pieces, remarks = cut(record, vehicle, windows)
+        segments += pieces
+        notes += remarks
     loop = Loop(space, segments, objective)
     if loop.counts[0] < _SAMPLES * len(space.names):
         raise HeadwayError(
@@ -245,7 +245,7 @@ def _test_segments(
     """Stretches to be tested on; a rest that is too short is left out and said so."""
     if test is None:
         pairs = [(r, _rest(r, windows)) for r in recordings] if windows else []
-        asked = False
+        explicit = False
     else:
         several = isinstance(test, list | tuple) and not (
             len(test) == 2 and all(np.ndim(x) == 0 and not isinstance(x, str | os.PathLike | Recording) for x in test)
@@ -258,18 +258,18 @@ def _test_segments(
             else:
                 own += windows_of(item)
         pairs += [(r, own) for r in recordings] if own else []
-        asked = True
-    found: list[Segment] = []
+        explicit = True
+    segments: list[Segment] = []
     for record, parts in pairs:
-        if not parts and not asked:
+        if not parts and not explicit:
             continue
         try:
-            found += cut(record, vehicle, parts, testing=True)[0]
+            segments += cut(record, vehicle, parts, testing=True)[0]
         except HeadwayError as error:
-            if asked:
+            if explicit:
                 raise
             notes.append(f"No test on the rest of the record: {error}.")
-    return found
+    return segments
 
 
 def _rest(record: Recording, windows: list[Window]) -> list[Window]:

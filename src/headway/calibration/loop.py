@@ -55,9 +55,9 @@ class Loop:
         self.same = np.array([self._heard_before(i) for i in range(len(self.codes))], dtype=np.int64)
         self.limits = np.array(space.vehicle.limits or (-math.inf, math.inf))
         gap, speed = (np.concatenate([getattr(s, n) for s in segments]) for n in ("gap", "speed"))
-        self.known = np.stack((np.isfinite(gap), np.isfinite(speed)))
+        self.valid = np.stack((np.isfinite(gap), np.isfinite(speed)))
         self.observed = np.stack((gap, speed))
-        self.counts = self.known.sum(axis=1)
+        self.counts = self.valid.sum(axis=1)
         squares = np.nan_to_num(self.observed) ** 2
         #: r.m.s. of recorded gap and speed, by which errors are divided
         self.scale = np.sqrt(squares.sum(axis=1) / np.maximum(self.counts, 1))
@@ -120,8 +120,8 @@ class Loop:
             h = segment.step / segment.every
             start = self.starts[i][:, None] if starts is None else starts[i]
             shift, weight = self._look_ups(delay, h)
-            known = self.known[:, part]
-            observed = np.concatenate((np.where(known, self.observed[:, part], 0.0), known))
+            valid = self.valid[:, part]
+            observed = np.concatenate((np.where(valid, self.observed[:, part], 0.0), valid))
             crash, n = np.empty(lanes), len(self.codes)
             path = np.empty((2, segment.gap.size if keep else 0, lanes))
             ring = np.zeros((3, 1 << int(shift.max() + 3).bit_length(), lanes))

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from headway.calibration.behind import section
+from headway.calibration.behind import part_of
 from headway.calibration.segments import Window
 from headway.calibration.uncertainty import block_length
 from headway.checked import typed
 from headway.data.recording import Recording
 from headway.errors import HeadwayError
 
-__all__ = ["Growth", "Transfer", "growth", "measured_transfer", "spectra"]
+__all__ = ["Growth", "Transfer", "measured_growth", "measured_transfer", "spectra"]
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def measured_transfer(
         raise HeadwayError(
             f"{recording.source}: there is no follower {vehicle}; allowed are 1 to {recording.vehicles - 1}"
         )
-    part = section(recording, window)
+    part = part_of(recording, window)
     ahead, own = part.speed[vehicle - 1], part.speed[vehicle]
     options = _stretches(part, (ahead, own))
     f, pxx = signal.welch(ahead, **options)
@@ -80,10 +80,10 @@ def measured_transfer(
     stretches = 2 * ahead.size // options["nperseg"] - 1
     averages = stretches / (1.0 + 2.0 * _SHARED * (stretches - 1) / stretches)
     error = np.sqrt((1.0 - coherence) / (np.maximum(coherence, 1e-12) * 2.0 * averages))
-    kept = (f > 0) & (2 * np.pi * f <= highest)
+    band = (f > 0) & (2 * np.pi * f <= highest)
     return Transfer(
-        vehicle, 2 * np.pi * f[kept], gain[kept], (gain * np.exp(-1.96 * error))[kept],
-        (gain * np.exp(1.96 * error))[kept], coherence[kept], averages,
+        vehicle, 2 * np.pi * f[band], gain[band], (gain * np.exp(-1.96 * error))[band],
+        (gain * np.exp(1.96 * error))[band], coherence[band], averages,
     )  # fmt: skip
 
 
@@ -137,7 +137,7 @@ class Growth:
 
 
 @typed
-def growth(speeds: Array, resamples: int = 400, seed: int = 0) -> Growth:
+def measured_growth(speeds: Array, resamples: int = 400, seed: int = 0) -> Growth:
     """How speed deviations grow down a string, from speeds (V, T) at uniform times; NaN samples are left out.
 
     Blocks are as long as the leader's speed is correlated, and are the same for all vehicles of a resample.
@@ -145,14 +145,14 @@ def growth(speeds: Array, resamples: int = 400, seed: int = 0) -> Growth:
     speeds = _rows(speeds)
     deviation = np.nanstd(speeds, axis=1)
     extent = np.nanmax(speeds, axis=1) - np.nanmin(speeds, axis=1)
-    known = speeds[:, np.isfinite(speeds).all(axis=0)]
-    n = known.shape[1]
-    length = block_length(known[-1])
+    rows = speeds[:, np.isfinite(speeds).all(axis=0)]
+    n = rows.shape[1]
+    length = block_length(rows[-1])
     random = np.random.default_rng(seed)
     index = (random.integers(0, n, (resamples, -(-n // length), 1)) + np.arange(length)).reshape(resamples, -1)[
         :, :n
     ] % n
-    drawn = np.array([known[:, i].std(axis=1) for i in index])  # (resamples, V)
+    drawn = np.array([rows[:, i].std(axis=1) for i in index])  # (resamples, V)
     none = np.full((resamples, 1), np.nan)
     ratios = np.concatenate((none, drawn[:, 1:] / drawn[:, :-1]), axis=1)
     low, high = np.quantile(ratios, (0.025, 0.975), axis=0)

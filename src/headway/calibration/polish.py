@@ -56,17 +56,17 @@ def polish(loop: Loop, problems: Problems, rounds: int = 12) -> tuple[Array, Arr
     width = max(1, _LANES // (problems.at.shape[0] + 1))
     parts = [slice(i, i + width) for i in range(0, problems.at.shape[1], width)]
     with ThreadPoolExecutor(cores()) as pool:
-        found = list(pool.map(lambda part: _together(loop, problems.part(part), rounds), parts))
-    return np.concatenate([x for x, _ in found], axis=1), np.concatenate([f for _, f in found])
+        results = list(pool.map(lambda part: _together(loop, problems.part(part), rounds), parts))
+    return np.concatenate([x for x, _ in results], axis=1), np.concatenate([f for _, f in results])
 
 
-def _together(loop: Loop, given: Problems, rounds: int) -> tuple[Array, Array]:
-    count = given.at.shape[1]
-    best, damping = given.at.copy(), np.full(count, 1e-2)
-    value, slopes, normal = _linearised(loop, given, best)
+def _together(loop: Loop, problems: Problems, rounds: int) -> tuple[Array, Array]:
+    count = problems.at.shape[1]
+    best, damping = problems.at.copy(), np.full(count, 1e-2)
+    value, slopes, normal = _linearised(loop, problems, best)
     for _ in range(rounds):
         # a quantity at its bound that would leave it is held there
-        held = ~given.free | ((best <= 0) & (slopes > 0)) | ((best >= 1) & (slopes < 0))
+        held = ~problems.free | ((best <= 0) & (slopes > 0)) | ((best >= 1) & (slopes < 0))
         trial = best.copy()
         for i in range(count):
             move = ~held[:, i]
@@ -78,7 +78,7 @@ def _together(loop: Loop, given: Problems, rounds: int) -> tuple[Array, Array]:
         moved = np.abs(trial - best).max(axis=0)
         if (moved < 1e-9).all():
             break
-        new, new_slopes, new_normal = _linearised(loop, given, trial)
+        new, new_slopes, new_normal = _linearised(loop, problems, trial)
         better = new < value
         gain = np.where(better, value - new, 0.0)
         best[:, better], slopes[:, better], normal[better] = trial[:, better], new_slopes[:, better], new_normal[better]
@@ -89,14 +89,14 @@ def _together(loop: Loop, given: Problems, rounds: int) -> tuple[Array, Array]:
     return best, value
 
 
-def _linearised(loop: Loop, given: Problems, at: Array) -> tuple[Array, Array, Array]:
+def _linearised(loop: Loop, problems: Problems, at: Array) -> tuple[Array, Array, Array]:
     """Objective (P,), its slopes up to a factor (p, P) and the normal matrices (P, p, p) at points (p, P)."""
     p, count = at.shape
     step = np.where(at > 1.0 - _STEP, -_STEP, _STEP)
     lanes = np.repeat(at[:, :, None], p + 1, axis=2)  # the point itself, then one quantity moved after the other
     for i in range(p):
         lanes[i, :, i + 1] += step[i]
-    starts = None if given.starts is None else [np.repeat(s, p + 1, axis=1) for s in given.starts]
+    starts = None if problems.starts is None else [np.repeat(s, p + 1, axis=1) for s in problems.starts]
     paths, crash = loop.paths(lanes.reshape(p, -1), starts)
     paths = paths.reshape(2, -1, count, p + 1)
     crash = crash.reshape(count, p + 1)
@@ -105,11 +105,11 @@ def _linearised(loop: Loop, given: Problems, at: Array) -> tuple[Array, Array, A
     rows = (0,) if loop.objective == "gap" else (0, 1)
     parts = []
     for q in (0, 1):
-        known = loop.known[q]
-        error = paths[q, known, :, 0] - given.observed[q][known]
+        valid = loop.valid[q]
+        error = paths[q, valid, :, 0] - problems.observed[q][valid]
         sums[q] = np.einsum("np,np->p", error, error)
         if q in rows:
-            change = (paths[q, known, :, 1:] - paths[q, known, :, :1]) / step.T
+            change = (paths[q, valid, :, 1:] - paths[q, valid, :, :1]) / step.T
             parts.append((q, error, change))
     value = loop.weigh(sums, crash[:, 0])
     for q, error, change in parts:

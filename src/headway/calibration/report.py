@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from headway.calibration.baselines import Errors
     from headway.calibration.fit import Fit
 
-__all__ = ["fit_html", "report", "unit_of"]
+__all__ = ["fit_html", "quantity_unit", "report"]
 
 
-def unit_of(fit: Fit, name: str) -> str:
+def quantity_unit(fit: Fit, name: str) -> str:
     """Unit of a fitted quantity."""
     parameter = fit.vehicle.model.law.parameters.get(name)
     return "s" if parameter is None else parameter.info.unit
@@ -60,7 +60,7 @@ def _variables(fit: Fit) -> list[str]:
         low, high = fit.intervals[name]
         cells.append(
             (
-                f"{name}:", f"{x:.5g} {unit_of(fit, name)}", f"[{low:.4g}, {high:.4g}]",
+                f"{name}:", f"{x:.5g} {quantity_unit(fit, name)}", f"[{low:.4g}, {high:.4g}]",
                 f"seeds ±{0.5 * spread[name]:.1g}", f"in {fit.space.low[i]:g} to {fit.space.high[i]:g}",
                 fit.profiles[i].words,
             )
@@ -97,7 +97,9 @@ def fit_html(fit: Fit) -> str:
     for i, (name, x) in enumerate(fit.values.items()):
         low, high = fit.intervals[name]
         bounds = f"{fit.space.low[i]:g} to {fit.space.high[i]:g}"
-        quantities.append((name, x, unit_of(fit, name), f"{low:.4g} to {high:.4g}", bounds, fit.profiles[i].words))
+        quantities.append(
+            (name, x, quantity_unit(fit, name), f"{low:.4g} to {high:.4g}", bounds, fit.profiles[i].words)
+        )
     errors = [
         (label, e.source, e.gap, e.gap_relative, e.speed, e.constant_gap, e.copy_gap)
         for label, several in (("train", fit.train), ("test", fit.test))

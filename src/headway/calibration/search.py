@@ -32,11 +32,20 @@ _FIRST, _LAST = 15, 80
 
 
 def search(loop: Loop, seeds: int, first: int = 0) -> tuple[Array, Array]:
-    """Points (p, seeds) of the unit cube and their objectives (seeds,), best first; seeds first, first+1, …"""
+    """Search the unit cube for the least objective from several seeds.
+
+    Args:
+        loop: the closed loop of candidates behind the recording.
+        seeds: how many searches, each from a seed of its own.
+        first: the first seed; the others count on from it.
+
+    Returns:
+        Points (p, seeds) of the unit cube and their objectives (seeds,), best first.
+    """
     with ThreadPoolExecutor(min(cores(), seeds)) as pool:
-        found = list(pool.map(lambda seed: _evolved(loop, seed), range(first, first + seeds)))
-    at, value = polish(loop, Problems.to_record(loop, np.concatenate(found, axis=1)), _FIRST)
-    ends = np.cumsum([members.shape[1] for members in found])
+        populations = list(pool.map(lambda seed: _evolved(loop, seed), range(first, first + seeds)))
+    at, value = polish(loop, Problems.to_record(loop, np.concatenate(populations, axis=1)), _FIRST)
+    ends = np.cumsum([members.shape[1] for members in populations])
     best = [a + int(np.argmin(value[a:b])) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
     at, value = polish(loop, Problems.to_record(loop, at[:, best]), _LAST)
     order = np.argsort(value, kind="stable")

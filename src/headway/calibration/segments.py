@@ -84,30 +84,30 @@ def cut(
     notes: list[str] = []
     record = _usable(recording, int(vehicle), notes)
     pieces = _pieces(record, int(vehicle), windows or [(float(record.time[0]), float(record.time[-1]))], notes)
-    kept = [p for p in pieces if record.time[p.stop - 1] - record.time[p.start] >= _LEAST_PIECE - 1e-6]
+    stretches = [p for p in pieces if record.time[p.stop - 1] - record.time[p.start] >= _LEAST_PIECE - 1e-6]
     for p in pieces:
-        if p not in kept and p.stop - p.start > 1:
+        if p not in stretches and p.stop - p.start > 1:
             notes.append(
                 f"The piece from {record.time[p.start]:g} to {record.time[p.stop - 1]:g} s is shorter than "
                 f"{_LEAST_PIECE:g} s and left out."
             )
-    total = sum(float(record.time[p.stop - 1] - record.time[p.start]) for p in kept)
-    if not kept or (total < _LEAST_ALTOGETHER - 1e-6 and not testing):
+    total = sum(float(record.time[p.stop - 1] - record.time[p.start]) for p in stretches)
+    if not stretches or (total < _LEAST_ALTOGETHER - 1e-6 and not testing):
         raise HeadwayError(
             f"{place}: vehicle {vehicle} has {total:.3g} s of unbroken record and {_LEAST_ALTOGETHER:g} s are needed "
             "to tell parameters apart; add other runs, or widen the window (the record runs from "
             f"{record.time[0]:g} to {record.time[-1]:g} s)"
         )
-    found = [_segment(record, int(vehicle), p) for p in kept]
-    speeds = np.concatenate([s.ahead for s in found])
+    segments = [_segment(record, int(vehicle), p) for p in stretches]
+    speeds = np.concatenate([s.ahead for s in segments])
     if np.ptp(speeds) < _LEAST_MOTION and not testing:
-        gap = float(np.nanmean(np.concatenate([s.gap for s in found])))
+        gap = float(np.nanmean(np.concatenate([s.gap for s in segments])))
         raise HeadwayError(
             f"{place}: the vehicle ahead of {vehicle} varies its speed by {np.ptp(speeds):.2g} m/s only, which "
             f"excites nothing; all that this record tells is the equilibrium gap, {gap:.3g} m at "
             f"{speeds.mean():.3g} m/s"
         )
-    return found, notes
+    return segments, notes
 
 
 def _usable(recording: Recording, vehicle: int, notes: list[str]) -> Recording:
@@ -166,7 +166,7 @@ def _pieces(record: Recording, vehicle: int, windows: Sequence[Window], notes: l
             f"The gap jumps {int(jump.sum())} times by more than {_JUMP:g} m beyond what the speeds explain, first at "
             f"{first:g} s: another vehicle came between or the sensor slipped; the record is cut there."
         )
-    found = []
+    runs = []
     for start, end in windows:
         if not (math.isfinite(start) and math.isfinite(end) and start < end):
             raise HeadwayError(f"{record.source}: the window {start:g}:{end:g} is empty; write start:end in seconds")
@@ -181,10 +181,10 @@ def _pieces(record: Recording, vehicle: int, windows: Sequence[Window], notes: l
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             bounds = [int(a), *(int(i) for i in np.flatnonzero(jump) if a < i < b), int(b)]
             for lo, hi in itertools.pairwise(bounds):
-                known = np.flatnonzero(np.isfinite(gap[lo:hi]) & np.isfinite(own[lo:hi]))
-                if known.size:
-                    found.append(slice(lo + int(known[0]), hi))
-    return found
+                both = np.flatnonzero(np.isfinite(gap[lo:hi]) & np.isfinite(own[lo:hi]))
+                if both.size:
+                    runs.append(slice(lo + int(both[0]), hi))
+    return runs
 
 
 def _segment(record: Recording, vehicle: int, piece: slice) -> Segment:

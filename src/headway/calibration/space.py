@@ -98,9 +98,11 @@ class Space:
 
     def make(self, values: Sequence[float] | Array) -> Vehicle:
         """The vehicle with these values (p,) of the fitted quantities."""
-        given = {n: float(x) for n, x in zip(self.names, values, strict=True)}
-        own = {n: given.pop(n) for n in OWN_BOUNDS if n in given and n not in self.vehicle.model.law.parameters}
-        changes: dict[str, Any] = {"model": self.vehicle.model.replace(**given)}
+        quantities = {n: float(x) for n, x in zip(self.names, values, strict=True)}
+        own = {
+            n: quantities.pop(n) for n in OWN_BOUNDS if n in quantities and n not in self.vehicle.model.law.parameters
+        }
+        changes: dict[str, Any] = {"model": self.vehicle.model.replace(**quantities)}
         if "lag" in own:
             changes["lag"] = own["lag"]
         if "delay" in own:
@@ -115,17 +117,17 @@ class Space:
         return {n: seconds * t / longest for n, t in delay}
 
 
-def _bounds(law: Law, name: str, given: tuple[float, float] | None) -> tuple[float, float]:
+def _bounds(law: Law, name: str, bounds: tuple[float, float] | None) -> tuple[float, float]:
     own = law.parameters.get(name)
     low, high = OWN_BOUNDS[name] if own is None else (own.info.low, own.info.high)
-    if given is None:
+    if bounds is None:
         if not (math.isfinite(low) and math.isfinite(high)):
             raise HeadwayError(
                 f"{law.name}.{name} has no finite bounds ({own.range if own else ''}); give some, e.g. "
                 f"bounds={{{name!r}: (0, 10)}}"
             )
         return low, high
-    a, b = (float(x) for x in given)
+    a, b = (float(x) for x in bounds)
     least, most = (0.0, math.inf) if own is None else (low, high)
     if not (math.isfinite(a) and math.isfinite(b) and least <= a < b <= most):
         raise HeadwayError(

@@ -95,26 +95,26 @@ def bootstrap(loop: Loop, best: Array, count: int, seed: int) -> tuple[Array, fl
     The initial state is taken from each made record as it was from the real one, so its uncertainty is included.
     """
     path = loop.paths(best[:, None])[0][:, :, 0]
-    residual = np.where(loop.known, loop.observed - path, np.nan)
-    length = block_length(residual[0, loop.known[0]])
-    made = path[:, :, None] + resampled(residual, length, count, np.random.default_rng(seed))
-    made = np.where(loop.known[:, :, None], made, np.nan)
+    residual = np.where(loop.valid, loop.observed - path, np.nan)
+    length = block_length(residual[0, loop.valid[0]])
+    records = path[:, :, None] + resampled(residual, length, count, np.random.default_rng(seed))
+    records = np.where(loop.valid[:, :, None], records, np.nan)
     starts = []
     for part in loop.parts_of:
-        rows = np.moveaxis(made[:, part], 2, 1)
+        rows = np.moveaxis(records[:, part], 2, 1)
         starts.append(start_of(rows[0], rows[1]))
     at = np.repeat(best[:, None], count, axis=1)
     # a quantity that sits at a bound could not leave it by a slope of nought
     at = np.clip(at, 1e-6, 1.0 - 1e-6)
-    found, _ = polish(loop, Problems(at, np.ones(at.shape, bool), made, starts), 8)
-    return found, length * loop.segments[0].step
+    refits, _ = polish(loop, Problems(at, np.ones(at.shape, bool), records, starts), 8)
+    return refits, length * loop.segments[0].step
 
 
 def profiles(loop: Loop, best: Array, value: float, refits: Array) -> tuple[Profile, ...]:
     """The profile of each quantity over its bounds, denser where the refits (p, R) lie."""
     p = best.size
     path = loop.paths(best[:, None])[0][:, :, 0]
-    residual = (loop.observed - path)[0, loop.known[0]]
+    residual = (loop.observed - path)[0, loop.valid[0]]
     limit = value * math.sqrt(1.0 + _CHI2 / max(effective_samples(residual), 4.0))
     grids = np.array([_grid(float(best[i]), float(refits[i].std())) for i in range(p)])
     at = np.repeat(best[:, None], p * _POINTS, axis=1)
@@ -123,14 +123,14 @@ def profiles(loop: Loop, best: Array, value: float, refits: Array) -> tuple[Prof
         own = slice(i * _POINTS, (i + 1) * _POINTS)
         at[i, own], free[i, own] = grids[i], False
     observed = loop.observed[:, :, None]
-    found, values = polish(loop, Problems(at, free, observed), 8)
+    points, values = polish(loop, Problems(at, free, observed), 8)
     # once more from the neighbour's answer on the side of the best, where that is nearer
-    again = found.copy()
+    again = points.copy()
     for i in range(p):
         own = slice(i * _POINTS, (i + 1) * _POINTS)
         inner = np.arange(_POINTS)
         inner += np.sign(int(np.argmin(np.abs(grids[i] - best[i]))) - inner)
-        again[:, own] = found[:, own][:, inner]
+        again[:, own] = points[:, own][:, inner]
         again[i, own] = grids[i]
     _, values2 = polish(loop, Problems(again, free, observed), 8)
     values = np.minimum(values, values2)

@@ -15,7 +15,7 @@ from headway.scenario.vehicle import Vehicle
 from headway.theory.linear import Linear, linearize
 from headway.theory.sentences import gain_text
 
-__all__ = ["StringVerdict", "linear_of", "verdict"]
+__all__ = ["StringVerdict", "theory_of", "verdict"]
 
 
 class StringVerdict(NamedTuple):
@@ -38,14 +38,14 @@ class StringVerdict(NamedTuple):
     def words(self) -> str:
         """The verdict in words."""
         sure = self.unstable if not self.stable else 1.0 - self.unstable
-        said = "string stable" if self.stable else "string unstable"
+        kind = "string stable" if self.stable else "string unstable"
         how = "surely" if sure >= 0.975 else "probably" if sure >= 0.8 else "undecided, by the fit"
         size = "without bound" if math.isinf(self.peak) else f"{gain_text(self.peak)} at {self.frequency:.2g} rad/s"
         interval = "[" + ", ".join(gain_text(x) if math.isfinite(x) else f"{x}" for x in (self.low, self.high)) + "]"
-        return f"{how} {said}: peak gain {size} {interval}, {100 * self.unstable:.0f} % of refits unstable"
+        return f"{how} {kind}: peak gain {size} {interval}, {100 * self.unstable:.0f} % of refits unstable"
 
 
-def linear_of(fit: Fit, car: Vehicle, speed: float) -> Linear | None:
+def theory_of(fit: Fit, car: Vehicle, speed: float) -> Linear | None:
     """Linear theory of a vehicle of `fit` at `speed`, None where it has none.
 
     A law that rests at every gap (GMM) is looked at with the mean recorded gap.
@@ -68,19 +68,19 @@ def verdict(fit: Fit, speed: float | None = None) -> StringVerdict:
     from headway.theory import sweep
 
     at = fit.speeds[1] if speed is None else float(speed)
-    own = linear_of(fit, fit.vehicle, at)
+    own = theory_of(fit, fit.vehicle, at)
     if own is None:
         raise HeadwayError(
             f"{fit.vehicle.model.name} as fitted has no equilibrium at {at:.4g} m/s; ask for another speed"
         )
-    found = [lin for car in fit.draws if (lin := linear_of(fit, car, at)) is not None]
-    rows = sweep.rows_of([own, *found])
+    linears = [lin for car in fit.draws if (lin := theory_of(fit, car, at)) is not None]
+    rows = sweep.rows_of([own, *linears])
     gain, frequency = sweep.peaks_of(rows)
     unstable = ~sweep.judge(rows).string_stable
     # without refits that rest there is nothing to be sure by
-    low, high = np.quantile(gain[1:], (0.025, 0.975), method="nearest") if found else (math.nan, math.nan)
+    low, high = np.quantile(gain[1:], (0.025, 0.975), method="nearest") if linears else (math.nan, math.nan)
     return StringVerdict(
         at, float(gain[0]), float(frequency[0]), float(low), float(high),
-        float(unstable[1:].mean()) if found else math.nan,
-        1.0 - len(found) / fit.refits.shape[1], not bool(unstable[0]),
+        float(unstable[1:].mean()) if linears else math.nan,
+        1.0 - len(linears) / fit.refits.shape[1], not bool(unstable[0]),
     )  # fmt: skip

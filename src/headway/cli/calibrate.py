@@ -96,9 +96,9 @@ def calibrate(
     if figure is not None:
         written += _draw(fits, figure)
     if json:
-        from headway.calibration.document import table
+        from headway.calibration.document import fits_table
 
-        show.print_json({"file": file, **table(fits), "written": [str(p) for p in written]})
+        show.print_json({"file": file, **fits_table(fits), "written": [str(p) for p in written]})
         return
     for path in written:
         print(f"wrote {path}")

@@ -67,7 +67,7 @@ def replay(
     """Simulate a whole recorded string from its first leader alone, and compare errors and growth."""
     check_target(out, (".nc", ".csv"))
     check_target(figure, FIGURES)
-    from headway.calibration.measured_transfer import growth
+    from headway.calibration.measured_transfer import measured_growth
     from headway.data.compare import compare
     from headway.data.readers import read
     from headway.engine.simulate import simulate
@@ -84,7 +84,7 @@ def replay(
     with show.working("simulating"):
         run = simulate(scenario)
     errors = compare(run, part)
-    recorded, simulated = growth(part.speed), growth(run.speed.values)
+    recorded, simulated = measured_growth(part.speed), measured_growth(run.speed.values)
     rows: list[dict[str, Any]] = [
         {
             "vehicle": n,

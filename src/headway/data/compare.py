@@ -101,10 +101,10 @@ def _simulated(simulated: xr.Dataset, recording: Recording) -> tuple[Floats, Flo
 
 def _errors(simulated: Floats, recorded: Floats) -> tuple[float, float, float, int]:
     """r.m.s. and largest error, r.m.s. error over r.m.s. recorded, and how many recorded values are missing."""
-    known = np.isfinite(recorded)
-    missing = int((~known).sum())
-    if not known.any():
+    valid = np.isfinite(recorded)
+    missing = int((~valid).sum())
+    if not valid.any():
         return np.nan, np.nan, np.nan, missing
-    error, scale = simulated[known] - recorded[known], float(np.sqrt(np.mean(recorded[known] ** 2)))
+    error, scale = simulated[valid] - recorded[valid], float(np.sqrt(np.mean(recorded[valid] ** 2)))
     rms = float(np.sqrt(np.mean(error**2)))
     return rms, float(np.max(np.abs(error))), rms / scale if scale > 0 else np.nan, missing

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from headway.data.recording import Floats, Recording
-from headway.data.tables import checked_units, need_columns, need_plausible, numbers, to_si
+from headway.data.tables import checked_units, need_columns, need_plausible, number_column, to_si
 from headway.errors import HeadwayError, did_you_mean
 
 if TYPE_CHECKING:
@@ -41,21 +41,32 @@ def canonical(column: str) -> str:
 def read_ngsim(
     frame: pd.DataFrame, place: str, vehicle: int | None, followers: int | None, units: Mapping[str, str] | None
 ) -> Recording:
-    """The recording of `vehicle` and the string ahead of it, at most `followers` followers, over its longest
-    unchanged stretch of consecutive frames.
+    """The recording of a vehicle and the string ahead of it over its longest stretch of frames without a change.
 
-    Lengths, Local_Y, headways in feet and speeds in ft/s unless `units` (position, gap, speed, length) says
-    otherwise. The vehicle ahead is known by `Preceding`; a change of it ends the stretch and is said in `notes`.
-    HeadwayError for an unknown or missing vehicle, one that follows nobody, and one that is there twice in a frame.
+    The vehicle ahead is known by `Preceding`; a change of it ends the stretch and is said in `notes`.
+
+    Args:
+        frame: the table, with the columns of the layout; its index is the line number in the file.
+        place: the name of the file in messages.
+        vehicle: id of the last follower.
+        followers: at most how many followers, 1 or more; None takes all.
+        units: of position, gap, speed and length, where they are not feet and ft/s.
+
+    Returns:
+        The recording, leader first; its notes say which frames and why they begin and end there.
+
+    Raises:
+        HeadwayError: for an unknown or missing vehicle, one that follows nobody, and one that is there twice in a
+            frame.
     """
     stated = {"position": "ft", "gap": "ft", "speed": "ft/s", "length": "ft"} | checked_units(
         units, ("position", "gap", "speed", "length")
     )
     frame = frame.rename(columns={name: canonical(name) for name in frame.columns})
     need_columns(frame, _USED, place)
-    data = {name: numbers(frame, name, place) for name in _USED}
+    data = {name: number_column(frame, name, place) for name in _USED}
     for name in ("Vehicle_ID", "Frame_ID", "Preceding"):
-        data[name] = numbers(frame, name, place, missing=False)
+        data[name] = number_column(frame, name, place, missing=False)
         odd = data[name] != np.floor(data[name])
         if odd.any():
             row = int(np.argmax(odd))
@@ -65,7 +76,7 @@ def read_ngsim(
     rows = _rows(data, place)
     if followers is not None and followers < 1:
         raise HeadwayError(f"followers: {followers!r} is not allowed; at least 1 is needed")
-    chains = _chains(data, rows, _wanted(vehicle, data, place), followers)
+    chains = _chains(data, rows, _vehicle_id(vehicle, data, place), followers)
     frames, chain = _longest(chains)
     if len(chain) < 2 or len(frames) < 2:
         raise HeadwayError(
@@ -88,18 +99,17 @@ def _rows(data: Mapping[str, Floats], place: str) -> dict[tuple[int, int], int]:
     return rows
 
 
-def _wanted(vehicle: int | None, data: Mapping[str, Floats], place: str) -> int:
-    known = np.unique(data["Vehicle_ID"]).astype(int)
+def _vehicle_id(vehicle: int | None, data: Mapping[str, Floats], place: str) -> int:
+    ids = np.unique(data["Vehicle_ID"]).astype(int)
     if vehicle is None:
         raise HeadwayError(
             f"{place}: NGSIM holds many platoons; say which with vehicle=, the id of the last follower (from "
-            f"{known[0]} to {known[-1]}, {known.size} of them)"
+            f"{ids[0]} to {ids[-1]}, {ids.size} of them)"
         )
-    if vehicle not in known:
-        near = did_you_mean(vehicle, [str(k) for k in known])
+    if vehicle not in ids:
+        near = did_you_mean(vehicle, [str(k) for k in ids])
         raise HeadwayError(
-            f"{place}: vehicle {vehicle!r} is not in the file, which has {known.size} from {known[0]} "
-            f"to {known[-1]}{near}"
+            f"{place}: vehicle {vehicle!r} is not in the file, which has {ids.size} from {ids[0]} to {ids[-1]}{near}"
         )
     return int(vehicle)
 

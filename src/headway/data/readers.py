@@ -36,7 +36,7 @@ from headway.data.tables import (
     need_plausible,
     need_rising,
     no_column,
-    numbers,
+    number_column,
     read_csv,
     read_head,
     read_parquet,
@@ -116,23 +116,23 @@ def _sniffed(
 ) -> tuple[str, int]:
     """The format and the line (from 0) of the column names; -1 where there are none."""
     if frame is not None:
-        found, line = [str(column) for column in frame.columns], 0
+        header, line = [str(column) for column in frame.columns], 0
     else:
         line = next((k for k in range(len(head.lines)) if {"Time", "Speed1"} <= set(head.fields(k))), 0)
-        found = head.fields(line)
-    if format in (None, "ngsim") and len(found) == 1 and len(head.lines[0].split()) == len(NGSIM_COLUMNS):
+        header = head.fields(line)
+    if format in (None, "ngsim") and len(header) == 1 and len(head.lines[0].split()) == len(NGSIM_COLUMNS):
         return "ngsim", -1
     if format is not None:
         return format, line
-    names = set(found)
+    names = set(header)
     if {"Time", "Speed1"} <= names and not columns:
         return ("openacc-zalazone" if line else "openacc-astazero"), line
-    if {"Vehicle_ID", "Frame_ID", "Preceding"} <= {canonical(name) for name in found} and not columns:
+    if {"Vehicle_ID", "Frame_ID", "Preceding"} <= {canonical(name) for name in header} and not columns:
         return "ngsim", 0
     if columns or (names & set(_TIDY["time"]) and names & set(_TIDY["speed"])):
         return "tidy", 0
     raise HeadwayError(
-        f"{head.place}: the format is not known from its first line, {shorten(', '.join(found), 100)}; known are tidy "
+        f"{head.place}: the format is not known from its first line, {shorten(', '.join(header), 100)}; known are tidy "
         "(time_s, vehicle, speed_mps, gap_m, or other names through columns=), openacc-astazero (Time, Speed1, …, "
         "IVS1, …), openacc-zalazone (the same below five header lines) and ngsim (Vehicle_ID, Frame_ID, …)"
     )
@@ -167,7 +167,7 @@ def _read_tidy(
     values: dict[str, Floats] = {}
     for quantity, (column, unit) in chosen.items():
         if quantity != "vehicle":
-            cells = numbers(frame, column, place, missing=quantity != "time")
+            cells = number_column(frame, column, place, missing=quantity != "time")
             values[quantity] = to_si(cells, quantity, stated.get(quantity, unit))
     names, index, notes = _vehicle_index(frame, chosen, place)
     time, tables, absent = _pivoted(values, index, names, np.asarray(frame.index), place)
@@ -187,8 +187,8 @@ def _tidy_columns(frame: pd.DataFrame, place: str, columns: Mapping[str, str] | 
             raise no_column(f"{place}: columns[{quantity!r}] = {column!r} is not there", column, frame)
         si = next(iter(_TIDY[quantity].values()))
         chosen[quantity] = (column, _TIDY[quantity].get(column, si))
-    for quantity, known in _TIDY.items():
-        for column, unit in known.items():
+    for quantity, aliases in _TIDY.items():
+        for column, unit in aliases.items():
             if quantity not in chosen and column in frame.columns:
                 chosen[quantity] = (column, unit)
     for quantity in ("time", "speed"):
@@ -316,14 +316,14 @@ def _read_openacc(
                 f"{place}: there is a column {column!r} but no {missing!r}; vehicles are numbered without a hole, the "
                 "speeds Speed1 to SpeedN and the gaps IVS1 to IVS(N-1)"
             )
-    time = to_si(numbers(frame, "Time", place, missing=False), "time", stated.get("time", "s"))
+    time = to_si(number_column(frame, "Time", place, missing=False), "time", stated.get("time", "s"))
     need_rising(time, np.asarray(frame.index), place)
     if time.size < 2:
         raise HeadwayError(f"{place}: there is one time only, {time[0]:g} s; a recording needs at least two")
-    speed = np.array([numbers(frame, f"Speed{n + 1}", place) for n in range(vehicles)])
+    speed = np.array([number_column(frame, f"Speed{n + 1}", place) for n in range(vehicles)])
     gap = np.full_like(speed, np.nan)
     for n, column in enumerate(spacings):
-        gap[n + 1] = numbers(frame, column, place)
+        gap[n + 1] = number_column(frame, column, place)
     tables = {
         "speed": to_si(speed, "speed", stated.get("speed", "m/s")),
         "gap": to_si(gap, "gap", stated.get("gap", "m")),
@@ -335,14 +335,16 @@ def _read_openacc(
 
 def _openacc_header(head: Head, line: int, vehicles: int) -> tuple[list[str] | None, list[str]]:
     """Vehicle names and notes from the lines above the column names."""
-    told = {cells[0]: [cell for cell in cells[1:] if cell] for cells in map(head.fields, range(line)) if cells[0]}
-    notes = ["Header: " + "; ".join(f"{key} {', '.join(told[key])}" for key in told if key != "Vehicle_order") + "."]
-    count = (told.get("Number_of_vehicles") or [str(vehicles)])[0]
+    header = {cells[0]: [cell for cell in cells[1:] if cell] for cells in map(head.fields, range(line)) if cells[0]}
+    notes = [
+        "Header: " + "; ".join(f"{key} {', '.join(header[key])}" for key in header if key != "Vehicle_order") + "."
+    ]
+    count = (header.get("Number_of_vehicles") or [str(vehicles)])[0]
     if count != str(vehicles):
         raise HeadwayError(
             f"{head.place}: Number_of_vehicles is {shorten(count)} and there are {vehicles} columns Speed1, Speed2, …"
         )
-    names = told.get("Vehicle_order", [])
+    names = header.get("Vehicle_order", [])
     if len(names) == vehicles:
         return names, notes
     if names:

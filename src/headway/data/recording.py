@@ -63,8 +63,8 @@ class Recording:
         shape = (len(self.names), samples)
         for field in ("speed", "gap", "position"):
             if getattr(self, field).shape != shape:
-                found = getattr(self, field).shape
-                raise HeadwayError(f"{self.source}: {field} has shape {found}; (vehicles, times) = {shape} is needed")
+                actual = getattr(self, field).shape
+                raise HeadwayError(f"{self.source}: {field} has shape {actual}; (vehicles, times) = {shape} is needed")
         if len(self.lengths) != shape[0]:
             raise HeadwayError(f"{self.source}: {len(self.lengths)} lengths are given for {shape[0]} vehicles")
 
@@ -110,13 +110,15 @@ class Recording:
 
     def between(self, start: float, end: float) -> Recording:
         """The samples with start <= time <= end [s, as in `time`]; HeadwayError where fewer than two remain."""
-        kept = (self.time >= start) & (self.time <= end)
-        if not start < end or kept.sum() < 2:
+        inside = (self.time >= start) & (self.time <= end)
+        if not start < end or inside.sum() < 2:
             raise HeadwayError(
-                f"{self.source}: between({start:g}, {end:g}) holds {int(kept.sum())} samples and at least two are "
+                f"{self.source}: between({start:g}, {end:g}) holds {int(inside.sum())} samples and at least two are "
                 f"needed; the recording runs from {self.time[0]:g} to {self.time[-1]:g} s"
             )
-        cut: dict[str, Any] = {field: getattr(self, field)[..., kept] for field in ("time", "speed", "gap", "position")}
+        cut: dict[str, Any] = {
+            field: getattr(self, field)[..., inside] for field in ("time", "speed", "gap", "position")
+        }
         return replace(self, **cut, notes=(*self.notes, f"Cut to {start:g} to {end:g} s."))
 
     def from_zero(self) -> Recording:

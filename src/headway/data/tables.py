@@ -133,7 +133,7 @@ def read_csv(head: Head, *, header: int | None = 0, names: list[str] | None = No
     """A text table as a frame whose index is the line number in the file.
 
     `header` is the line (from 0) that holds the column names; None: there is none, columns are `names` and cells
-    are separated by blanks. Columns keep the type that pandas finds; `numbers` complains about words in them.
+    are separated by blanks. Columns keep the type that pandas finds; `number_column` complains about words in them.
     """
     import pandas as pd
 
@@ -191,7 +191,7 @@ def no_column(complaint: str, column: str, frame: pd.DataFrame) -> HeadwayError:
     return HeadwayError(f"{complaint}; the file has {has}{did_you_mean(column, frame.columns)}")
 
 
-def numbers(frame: pd.DataFrame, column: str, place: str, *, missing: bool = True) -> Floats:
+def number_column(frame: pd.DataFrame, column: str, place: str, *, missing: bool = True) -> Floats:
     """A column as float64, NaN where a cell is empty.
 
     HeadwayError naming line and column for a cell that is no number or infinite, and for an empty one where

@@ -73,10 +73,10 @@ def jerk_share(dataset: xr.Dataset, limit: float = 2.0) -> xr.DataArray:
     positive("jerk_share", limit=limit)
     step = np.diff(signals.time)
     beyond = np.zeros(values.shape[:-1])
-    known = np.isfinite(values[..., :-1]) & np.isfinite(values[..., 1:])
+    finite = np.isfinite(values[..., :-1]) & np.isfinite(values[..., 1:])
     for sign in (1.0, -1.0):
         beyond += (step * _part_above(sign * values - limit)).sum(axis=-1)
-    total = (known * step).sum(axis=-1)
+    total = (finite * step).sum(axis=-1)
     share = np.divide(beyond, total, out=np.full_like(beyond, np.nan), where=total > 0)
     return signals.result(share)
 

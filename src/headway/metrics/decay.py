@@ -47,11 +47,11 @@ def logarithmic_decrement(
     end = np.broadcast_to(_end_of_disturbance(dataset, signals, after), values.shape[:-1]).ravel()
     rows = values.reshape(-1, signals.time.size)
     whole = np.isfinite(rows).all(axis=1)
-    signals.known(whole.reshape(values.shape[:-1]), signal)
-    found = np.full(rows.shape[0], np.nan)
+    signals.need_follower(whole.reshape(values.shape[:-1]), signal)
+    decrements = np.full(rows.shape[0], np.nan)
     for i in np.flatnonzero(whole):
-        found[i] = _decrement(_extremes(signals.time, rows[i], end[i]), floor)
-    return signals.result(found.reshape(values.shape[:-1]))
+        decrements[i] = _decrement(_extremes(signals.time, rows[i], end[i]), floor)
+    return signals.result(decrements.reshape(values.shape[:-1]))
 
 
 @metric(
@@ -73,7 +73,7 @@ def settling_time(
     signals = Signals(dataset, "settling_time", signal)
     positive("settling_time", band=band)
     time, values = signals.time, signals[signal]
-    signals.known(np.isfinite(values).all(axis=-1), signal)
+    signals.need_follower(np.isfinite(values).all(axis=-1), signal)
     end = _end_of_disturbance(dataset, signals, after)
     away = np.abs(values - values[..., -1:])
     limit = np.maximum(band * away.max(axis=-1), _SAME)

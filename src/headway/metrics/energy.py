@@ -30,12 +30,12 @@ _FAR = {"MJ": (1e5, "MJ/100 km"), "mL": (1e3, "mL/km")}
 
 def _unit(spent: str) -> Callable[[Mapping[str, Any]], str]:
     """The unit of what is spent `per` a run, a distance, or of what the leader spends."""
-    return lambda given: {"run": spent, "distance": _FAR[spent][1]}.get(given["per"], "1")
+    return lambda parameters: {"run": spent, "distance": _FAR[spent][1]}.get(parameters["per"], "1")
 
 
 def _meaning(what: str) -> Callable[[Mapping[str, Any]], str]:
     compared = {"distance": ", over distance", "leader": ", over that of the leader"}
-    return lambda given: what.format(**given) + compared.get(given["per"], "")
+    return lambda parameters: what.format(**parameters) + compared.get(parameters["per"], "")
 
 
 @dataclass(frozen=True)
@@ -148,10 +148,10 @@ def _total(
     step, speed = np.diff(signals.time), signals["speed"]
     v = 0.5 * (speed[..., :-1] + speed[..., 1:])
     spent = rate(v, np.diff(speed, axis=-1) / step) * step
-    known = np.isfinite(spent)
+    finite = np.isfinite(spent)
 
     def total(values: Array) -> Array:
-        return np.where(known.any(axis=-1), np.where(known, values, 0.0).sum(axis=-1), np.nan)
+        return np.where(finite.any(axis=-1), np.where(finite, values, 0.0).sum(axis=-1), np.nan)
 
     own = total(spent)
     if per == "run":

@@ -40,10 +40,10 @@ _CORNER, _SKEW = 0.5, 1.0
 def extreme_of(time: Array, values: Array, sign: float, bounds: Bounds = FREE) -> Array:
     """Largest value over time (`sign` = 1) or least (-1), refined within `bounds`."""
     rows = sign * np.asarray(values, dtype=float).reshape(-1, time.size)
-    known = np.isfinite(rows)
-    place = np.argmax(np.where(known, rows, -np.inf), axis=1)
+    finite = np.isfinite(rows)
+    place = np.argmax(np.where(finite, rows, -np.inf), axis=1)
     each = np.arange(rows.shape[0])
-    best = np.where(known.any(axis=1), rows[each, place], np.nan)
+    best = np.where(finite.any(axis=1), rows[each, place], np.nan)
     around = rows[each, np.clip(place + np.arange(-2, 3)[:, None], 0, time.size - 1)]
     bound = sign * np.asarray(bounds[1] if sign > 0 else bounds[0], dtype=float)
     most = np.broadcast_to(bound, np.shape(values)[:-1]).ravel()
@@ -116,7 +116,7 @@ def amplitude_of(time: Array, values: Array, bounds: Bounds = FREE) -> Array:
 def rms_of(time: Array, values: Array) -> Array:
     """Root of the mean square over time, by the trapezoid rule."""
     weight = trapezoid(time)
-    known = np.isfinite(values)
-    total = np.cumsum(known * weight, axis=-1)[..., -1]
-    square = np.cumsum(np.where(known, values, 0.0) ** 2 * weight, axis=-1)[..., -1]
+    finite = np.isfinite(values)
+    total = np.cumsum(finite * weight, axis=-1)[..., -1]
+    square = np.cumsum(np.where(finite, values, 0.0) ** 2 * weight, axis=-1)[..., -1]
     return np.sqrt(np.divide(square, total, out=np.full(np.shape(total), np.nan), where=total > 0))

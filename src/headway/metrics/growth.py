@@ -209,12 +209,12 @@ class _Fit:
 
     def note(self) -> str:
         """Which vehicles have no value and why, in words; empty if there is none."""
-        said = []
+        reasons = []
         for number, why in _FLAWS.items():
             which = self.signals.vehicle[(self.flaw == number).reshape(-1, self.flaw.shape[-1]).any(axis=0)]
             if which.size:
-                said.append(f"{_listed(which.tolist())} {why}")
-        return f"no steady oscillation from {self.start:g} to {self.end:g} s: {'; '.join(said)}" if said else ""
+                reasons.append(f"{_listed(which.tolist())} {why}")
+        return f"no steady oscillation from {self.start:g} to {self.end:g} s: {'; '.join(reasons)}" if reasons else ""
 
     def oscillating(self, name: str) -> NDArray[np.complex128]:
         """The fundamental, NaN where it is nothing but rounding; `HeadwayError` if it is that for the first vehicle."""
@@ -238,11 +238,11 @@ def _fit(dataset: xr.Dataset, measure: str, signal: str, omega: float | None, wi
     time, rows = signals.time[part], np.ascontiguousarray(signals[signal][..., part])
     weights, columns = _weights(time, omega, _order(measure, time, omega, end - start))
     # row by row and sum by sum: a signal among many has the bits of one alone
-    found = [(rows * w).sum(axis=-1) for w in weights]
-    parts = np.array([a - 1j * b for a, b in zip(found[2::2], found[3::2], strict=True)])
-    signals.known(np.isfinite(parts[0]), signal, start, end)
+    coefficients = [(rows * w).sum(axis=-1) for w in weights]
+    parts = np.array([a - 1j * b for a, b in zip(coefficients[2::2], coefficients[3::2], strict=True)])
+    signals.need_follower(np.isfinite(parts[0]), signal, start, end)
     rest = rows.copy()
-    for share, column in zip(found, columns, strict=True):
+    for share, column in zip(coefficients, columns, strict=True):
         rest -= share[..., None] * column
     flaw = _flaws(dataset, signals, part, np.sqrt((rest * rest).mean(axis=-1)), np.abs(parts[0]))
     return _Fit(signals, omega, start, end, parts, np.abs(rows).max(axis=-1), flaw)

@@ -76,7 +76,7 @@ class Signals:
         self.vehicle = np.asarray(dataset["vehicle"].values)
         self._values = {n: np.asarray(a.values, dtype=float) for n, a in zip(names, ordered, strict=True)}
         for name, values in self._values.items():
-            self.known(np.isfinite(values).any(axis=-1), name)
+            self.need_follower(np.isfinite(values).any(axis=-1), name)
 
     def __getitem__(self, name: str) -> Array:
         return self._values[name]
@@ -85,7 +85,7 @@ class Signals:
         """Least and largest value that a variable can have, numbers or arrays (…, vehicle)."""
         return bounds(self._ordered.isel(time=0, drop=True), name)
 
-    def known(self, which: Any, name: str, start: float | None = None, end: float | None = None) -> None:
+    def need_follower(self, which: Any, name: str, start: float | None = None, end: float | None = None) -> None:
         """Raise `HeadwayError` unless `which` (…, vehicle) holds for a follower; a dataset of a leader alone passes."""
         followers = which[..., self.vehicle != 0]
         if followers.size and not followers.any():
@@ -136,8 +136,8 @@ class Signals:
     @staticmethod
     def first(values: NDArray[Any]) -> int:
         """Number of the first vehicle of `values` (…, vehicle) that is known: 1 for what a leader has not."""
-        known = np.isfinite(values).reshape(-1, values.shape[-1]).any(axis=0)
-        return int(np.argmax(known))
+        finite = np.isfinite(values).reshape(-1, values.shape[-1]).any(axis=0)
+        return int(np.argmax(finite))
 
     def result(self, values: Any, note: str = "") -> xr.DataArray:
         """`values` (…, vehicle) with dimensions, coordinates and order of the dataset; `note` says why some lack."""
@@ -174,8 +174,8 @@ def unit_of(dataset: xr.Dataset, name: str) -> str:
 
 def meaning(dataset: xr.Dataset, name: str) -> str:
     """What a variable of `dataset` means, in words."""
-    known = VARIABLES[name].long_name if name in VARIABLES else name
-    return str(dataset[name].attrs.get("long_name", known)) if name in dataset else known
+    default = VARIABLES[name].long_name if name in VARIABLES else name
+    return str(dataset[name].attrs.get("long_name", default)) if name in dataset else default
 
 
 def positive(measure: str, **values: float) -> None:

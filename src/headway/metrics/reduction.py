@@ -17,7 +17,7 @@ from headway.engine.measured import ABOUT_GAPS, EXTREMES, SQUARE, Reduction
 from headway.metrics.extremes import FREE, FROM_ZERO, Bounds, extreme_of, refined, rms_of
 from headway.metrics.registry import Extremes, Whose
 
-__all__ = ["FORMS", "Form", "amplitude_ratio", "closest", "extremes", "from_batches", "of_run", "within"]
+__all__ = ["FORMS", "Form", "closest", "extremes", "from_batches", "of_run", "ratio_to_ahead", "signal_bounds"]
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class Form(NamedTuple):
     whose: Whose
 
 
-def amplitude_ratio(e: Extremes) -> Array:
+def ratio_to_ahead(e: Extremes) -> Array:
     """Amplitude over that of the vehicle ahead; NaN for the leader, behind a steady vehicle, and in a broken run."""
     own = 0.5 * (e.highest - e.least)
     ratio = np.full_like(own, np.nan)
@@ -55,11 +55,11 @@ FORMS: dict[str, Form] = {
     "least_{}": Form(EXTREMES, lambda e: e.least, "least {}", "least"),
     "largest_{}": Form(EXTREMES, lambda e: e.highest, "largest {}", "largest"),
     "{}_amplitude": Form(EXTREMES, lambda e: 0.5 * (e.highest - e.least), "amplitude of {}", "largest"),
-    "{}_amplitude_ratio": Form(EXTREMES, amplitude_ratio, "amplitude of {} over that of the vehicle ahead", "largest"),
+    "{}_amplitude_ratio": Form(EXTREMES, ratio_to_ahead, "amplitude of {} over that of the vehicle ahead", "largest"),
 }
 
 
-def within(signal: str, limits: Bounds = FREE) -> Bounds:
+def signal_bounds(signal: str, limits: Bounds = FREE) -> Bounds:
     """Least and largest value that a signal can have; `limits` are those of accelerations."""
     return {"acceleration": limits, "speed": FROM_ZERO, "gap": FROM_ZERO}.get(signal, FREE)
 
@@ -79,7 +79,7 @@ def from_batches(
 
     `limits` (vehicle, lane) of accelerations; `collision` (vehicle, lane) [s], NaN where there is none.
     """
-    found = {}
+    result = {}
     to_the_end = ~np.logical_or.accumulate(np.isfinite(collision), axis=0)
     for signal in batches[0]:
         parts: list[Reduction] = [batch[signal] for batch in batches]
@@ -88,20 +88,20 @@ def from_batches(
         around = np.concatenate([p.around for p in parts], axis=3)
         front = 1 if signal in ABOUT_GAPS else 0  # the leader has none
         high, low = np.full(best.shape, np.nan)
-        least, most = within(signal, limits)
-        for found_side, side, bound in ((high, 0, most), (low, 1, np.negative(least))):
+        least, most = signal_bounds(signal, limits)
+        for target, side, bound in ((high, 0, most), (low, 1, np.negative(least))):
             of = (side, slice(front, None))
             far = np.broadcast_to(bound, best.shape[1:])[front:].ravel()
             values = refined(time, best[of].ravel(), place[of].ravel(), around[side, :, front:].reshape(5, -1), far)
-            found_side[front:] = values.reshape(found_side[front:].shape)
+            target[front:] = values.reshape(target[front:].shape)
         square = np.concatenate([p.mean_square for p in parts], axis=1)
         has_value = (np.arange(best.shape[1]) >= front)[:, None]
-        found[signal] = Extremes(high, -low, np.sqrt(square), collision, to_the_end & has_value)
-    return found
+        result[signal] = Extremes(high, -low, np.sqrt(square), collision, to_the_end & has_value)
+    return result
 
 
 def of_run(
     time: Array, variables: Mapping[str, Array], needs: Mapping[str, int], limits: Bounds, collision: Any
 ) -> dict[str, Extremes]:
     """Extremes (vehicle,) of the signals in `needs` from the trajectories (vehicle, time) of one run."""
-    return {s: extremes(time, variables[s], mode, within(s, limits), collision) for s, mode in needs.items()}
+    return {s: extremes(time, variables[s], mode, signal_bounds(s, limits), collision) for s, mode in needs.items()}

@@ -148,11 +148,11 @@ def metric(
         @functools.wraps(function)
         def measure(dataset: Any, *args: Any, **options: Any) -> Any:
             data = trajectories(dataset, name)
-            given = signature.bind(data, *args, **options)
-            given.apply_defaults()
-            values = function(*given.args, **given.kwargs)
-            said = _described(unit, long_name, given.arguments, data)
-            values.attrs = {"units": said[0], "long_name": said[1], **values.attrs}
+            call = signature.bind(data, *args, **options)
+            call.apply_defaults()
+            values = function(*call.args, **call.kwargs)
+            units, title = _described(unit, long_name, call.arguments, data)
+            values.attrs = {"units": units, "long_name": title, **values.attrs}
             return values.rename(name)
 
         defaults = {n: p.default for n, p in list(signature.parameters.items())[1:]}
@@ -167,14 +167,14 @@ def metric(
     return registered
 
 
-def _described(unit: Any, long_name: Any, given: Mapping[str, Any], data: xr.Dataset | None) -> tuple[str, str]:
+def _described(unit: Any, long_name: Any, parameters: Mapping[str, Any], data: xr.Dataset | None) -> tuple[str, str]:
     """Unit and meaning under these parameters."""
-    words = dict(given)
+    words = dict(parameters)
     signal = words.get("signal")
     if signal is not None:
         words["signal"] = VARIABLES[signal].long_name if data is None else meaning(data, signal)
     if callable(unit):
-        unit = unit(given)
+        unit = unit(parameters)
     elif unit == "signal":
         unit = VARIABLES[str(signal)].unit if data is None else unit_of(data, str(signal))
     return unit, long_name(words) if callable(long_name) else long_name.format(**words)
@@ -196,19 +196,20 @@ def named(text: str, place: str = "metric") -> Metric:
         raise HeadwayError(f"{place} {shorten(text)}: the parenthesis is not closed; write e.g. tet(threshold=4)")
     allowed = list(inspect.signature(entry.function).parameters.items())[1:]
     defaults = {n: p.default for n, p in allowed}
-    given: dict[str, Any] = {}
+    parameters: dict[str, Any] = {}
     for part in filter(None, (p.strip() for p in inside[:-1].split(","))):
         key, equals, value = (p.strip() for p in part.partition("="))
         if not equals or not value:
             raise HeadwayError(f"{place} {shorten(text)}: {part!r} is not of the form parameter=value")
         if key not in defaults:
             raise unknown_name(f"{place} {name}, parameter", key, defaults)
-        given[key] = _value(value)
-    if "signal" in given and given["signal"] not in VARIABLES:
-        raise unknown_name(f"{place} {name}, signal", given["signal"], VARIABLES)
-    unit, long_name = entry.about({**defaults, **given}) if entry.about else (entry.unit, entry.long_name)
-    bound = f"{entry.name}({', '.join(f'{k}={v:g}' if isinstance(v, float) else f'{k}={v}' for k, v in given.items())})"
-    return replace(entry, name=bound, unit=unit, long_name=long_name, parameters=given, reduced=None)
+        parameters[key] = _value(value)
+    if "signal" in parameters and parameters["signal"] not in VARIABLES:
+        raise unknown_name(f"{place} {name}, signal", parameters["signal"], VARIABLES)
+    unit, long_name = entry.about({**defaults, **parameters}) if entry.about else (entry.unit, entry.long_name)
+    values = (f"{k}={v:g}" if isinstance(v, float) else f"{k}={v}" for k, v in parameters.items())
+    bound = f"{entry.name}({', '.join(values)})"
+    return replace(entry, name=bound, unit=unit, long_name=long_name, parameters=parameters, reduced=None)
 
 
 def _value(text: str) -> Any:
@@ -225,8 +226,8 @@ def split(text: str) -> list[str]:
 
 def _own(function: Callable[[Any], Any]) -> Metric:
     """A metric of one's own: a function of the trajectories of a run."""
-    known = next((m for m in METRICS.values() if m.function is function), None)
-    return known or Metric(getattr(function, "__name__", "own"), "", "", function, own=True)
+    entry = next((m for m in METRICS.values() if m.function is function), None)
+    return entry or Metric(getattr(function, "__name__", "own"), "", "", function, own=True)
 
 
 def chosen(metrics: Any, default: Iterable[str]) -> tuple[Metric, ...]:
@@ -234,24 +235,24 @@ def chosen(metrics: Any, default: Iterable[str]) -> tuple[Metric, ...]:
     if isinstance(metrics, str):
         metrics = (metrics,)
     try:
-        asked = list(default if metrics is None else metrics)
+        requests = list(default if metrics is None else metrics)
     except TypeError:
         raise HeadwayError(f"metrics: {shorten(metrics)} is not a list of names or functions") from None
-    found: list[Metric] = []
-    for entry in asked:
+    result: list[Metric] = []
+    for entry in requests:
         if isinstance(entry, Metric):
-            found.append(entry)
+            result.append(entry)
         elif isinstance(entry, str):
-            found.append(named(entry))
+            result.append(named(entry))
         elif callable(entry):
-            found.append(_own(entry))
+            result.append(_own(entry))
         else:
             raise HeadwayError(f"metric {shorten(entry)} is neither a name nor a function of trajectories")
-    names = [m.name for m in found]
-    for one in found:
+    names = [m.name for m in result]
+    for one in result:
         if names.count(one.name) > 1:
             raise HeadwayError(f"metrics: {one.name} is given twice")
         if one.per in ("time", "phasor"):
             what = "a value at every time" if one.per == "time" else "amplitude and phase"
             raise HeadwayError(f"metric {one.name} has {what}; what is chosen needs one number a vehicle or a run")
-    return tuple(found)
+    return tuple(result)

@@ -86,8 +86,8 @@ def time_to_collision(dataset: xr.Dataset) -> xr.DataArray:
     """TTC = s / closing speed [s] > 0, (vehicle, time): infinite unless closing within an hour (Hayward 1972)."""
     pair = _pairs(dataset, "time_to_collision")
     closing = pair.closing * _NEVER > pair.gap
-    found = np.divide(pair.gap, pair.closing, out=np.full_like(pair.gap, np.inf), where=closing)
-    return pair.signals.series(np.where(pair.known, found, np.nan))
+    ratio = np.divide(pair.gap, pair.closing, out=np.full_like(pair.gap, np.inf), where=closing)
+    return pair.signals.series(np.where(pair.valid, ratio, np.nan))
 
 
 @metric(
@@ -233,9 +233,9 @@ def cpi(
         raise HeadwayError(f"cpi: limits = {limits!r} do not rise")
     least, most = ndtr((low - mean) / deviation), ndtr((high - mean) / deviation)
     chance = (ndtr((np.clip(_needed(pair), low, high) - mean) / deviation) - least) / (most - least)
-    weight = pair.known * trapezoid(pair.time)
+    weight = pair.valid * trapezoid(pair.time)
     with np.errstate(all="ignore"):
-        share = (np.where(pair.known, chance, 0.0) * weight).sum(axis=-1) / weight.sum(axis=-1)
+        share = (np.where(pair.valid, chance, 0.0) * weight).sum(axis=-1) / weight.sum(axis=-1)
     return pair.result(share)
 
 
@@ -283,12 +283,12 @@ class _Pairs(NamedTuple):
     time: Array
     gap: Array
     closing: Array
-    known: NDArray[np.bool_]
+    valid: NDArray[np.bool_]
     hit: NDArray[np.bool_]
 
     def result(self, values: Array) -> xr.DataArray:
         """As `Signals.result`, NaN where nothing is known of the pair."""
-        there = self.known.any(axis=-1) | self.hit
+        there = self.valid.any(axis=-1) | self.hit
         return self.signals.result(np.where(there, values, np.nan))
 
 
@@ -302,10 +302,10 @@ def _pairs(dataset: xr.Dataset, measure: str, *more: str) -> _Pairs:
         inside = (when.values >= time[0]) & (when.values <= time[-1])
         hit = hit | inside
         touched |= (inside[..., None]) & (time >= when.values[..., None])
-    known = np.isfinite(gap) & np.isfinite(closing) & ~touched
-    nothing = ~known
+    valid = np.isfinite(gap) & np.isfinite(closing) & ~touched
+    nothing = ~valid
     return _Pairs(
-        signals, time, np.where(nothing, np.nan, gap), np.where(nothing, np.nan, closing), known, np.asarray(hit)
+        signals, time, np.where(nothing, np.nan, gap), np.where(nothing, np.nan, closing), valid, np.asarray(hit)
     )
 
 

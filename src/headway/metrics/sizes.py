@@ -130,11 +130,11 @@ def _sized(values: xr.DataArray, form: str) -> xr.DataArray:
     like = ordered.isel(time=0, drop=True)
     time = np.asarray(ordered["time"].values, dtype=float)
     array: Array = np.asarray(ordered.values, dtype=float)
-    made = entry.make(extremes(time, array, entry.mode, bounds(like, str(values.name))))
-    result = like.copy(data=made).transpose(*(d for d in values.dims if d != "time"))
-    said = str(values.attrs.get("long_name", values.name or "values"))
+    sizes = entry.make(extremes(time, array, entry.mode, bounds(like, str(values.name))))
+    result = like.copy(data=sizes).transpose(*(d for d in values.dims if d != "time"))
+    title = str(values.attrs.get("long_name", values.name or "values"))
     unit = "1" if form.endswith("ratio") else values.attrs.get("units", "1")
-    result.attrs = {"units": unit, "long_name": entry.meaning.format(said)}
+    result.attrs = {"units": unit, "long_name": entry.meaning.format(title)}
     return result
 
 

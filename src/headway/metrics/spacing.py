@@ -43,7 +43,7 @@ def steady_error(
     if not weight.sum() > 0:  # a single sample
         weight = np.ones_like(weight)
     mean = (values * weight).sum(axis=-1) / weight.sum()
-    signals.known(np.isfinite(mean), signal, float(signals.time[part][0]), float(signals.time[part][-1]))
+    signals.need_follower(np.isfinite(mean), signal, float(signals.time[part][0]), float(signals.time[part][-1]))
     return signals.result(mean)
 
 
@@ -75,18 +75,18 @@ def least_time_gap(dataset: xr.Dataset) -> xr.DataArray:
     """
     signals = Signals(dataset, "least_time_gap", "gap", "speed")
     gap = _time_gap(signals)
-    known = ~np.isnan(gap)
-    known &= ~np.logical_or.accumulate(signals["gap"] <= 0, axis=-1)
-    least = extreme_of(signals.time, np.where(known, gap, np.nan), -1.0, FROM_ZERO)
-    least = np.where(known.any(axis=-1) & np.isnan(least), np.inf, least)
+    valid = ~np.isnan(gap)
+    valid &= ~np.logical_or.accumulate(signals["gap"] <= 0, axis=-1)
+    least = extreme_of(signals.time, np.where(valid, gap, np.nan), -1.0, FROM_ZERO)
+    least = np.where(valid.any(axis=-1) & np.isnan(least), np.inf, least)
     return signals.result(least)
 
 
 def _time_gap(signals: Signals) -> Array:
     gap, speed = signals["gap"], signals["speed"]
     moving = speed > 0
-    found = np.divide(gap, speed, out=np.full_like(gap, np.inf), where=moving)
-    return np.where(np.isnan(gap) | np.isnan(speed), np.nan, found)
+    ratio = np.divide(gap, speed, out=np.full_like(gap, np.inf), where=moving)
+    return np.where(np.isnan(gap) | np.isnan(speed), np.nan, ratio)
 
 
 def throughput(vehicle: Vehicle | Model, speed: Any, length: float | None = None, gap: Any = None) -> Any:

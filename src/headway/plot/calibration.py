@@ -77,7 +77,7 @@ def _two(figure: Figure, above: float, below: float) -> Any:
 
 def _profiles(figure: Any, fit: Fit, rows: int) -> None:
     """Draw the profile of each quantity near its best value."""
-    from headway.calibration.report import unit_of
+    from headway.calibration.report import quantity_unit
 
     axes = figure.subplots(rows, 4, squeeze=False).ravel()
     for ax in axes[len(fit.profiles) :]:
@@ -94,7 +94,7 @@ def _profiles(figure: Any, fit: Fit, rows: int) -> None:
         room = 0.15 * max(high - low, 1e-3 * (fit.space.high[i] - fit.space.low[i]))
         ax.set_xlim(low - room, high + room)
         style.axes_style(ax)
-        unit = unit_of(fit, profile.name)
+        unit = quantity_unit(fit, profile.name)
         ax.set_xlabel(f"{profile.name} [{unit}]" if unit not in ("", "1") else profile.name)
         if i % 4 == 0:
             ax.set_ylabel("Objective")
@@ -111,7 +111,7 @@ def replayed(recording: Recording, simulated: xr.Dataset, title: str = "") -> Fi
     Raises:
         HeadwayError: for different numbers of vehicles.
     """
-    from headway.calibration.measured_transfer import growth as growth_of
+    from headway.calibration.measured_transfer import measured_growth
 
     runs = {"recorded": (recording.time, recording.speed, recording.gap)}
     runs["simulated"] = (simulated.time.values, simulated.speed.values, simulated.gap.values)
@@ -139,9 +139,17 @@ def replayed(recording: Recording, simulated: xr.Dataset, title: str = "") -> Fi
     left, right = below.subplots(1, 2)
     whole = np.isfinite(runs["simulated"][1]).all()
     _grown(
-        left, growth_of(recording.speed), {"simulated": growth_of(runs["simulated"][1])} if whole else {}, "deviation"
+        left,
+        measured_growth(recording.speed),
+        {"simulated": measured_growth(runs["simulated"][1])} if whole else {},
+        "deviation",
     )
-    _grown(right, growth_of(recording.speed), {"simulated": growth_of(runs["simulated"][1])} if whole else {}, "range")
+    _grown(
+        right,
+        measured_growth(recording.speed),
+        {"simulated": measured_growth(runs["simulated"][1])} if whole else {},
+        "range",
+    )
     entries: dict[str, Any] = {"recorded": {**_RECORDED, "marker": "o", "markersize": 4.0}}
     if whole:
         entries["simulated"] = {**style.SERIES[2], "marker": "s", "markersize": 4.0}
@@ -160,13 +168,14 @@ def growth(recording: Recording, simulated: Mapping[str, xr.Dataset], title: str
         simulated: replays by name.
         title: of the figure; one that names the recording if empty.
     """
-    from headway.calibration.measured_transfer import growth as growth_of
-    from headway.calibration.measured_transfer import spectra
+    from headway.calibration.measured_transfer import measured_growth, spectra
 
     figure = style.new_figure(2.9, title or f"{recording.source}: growth down the string")
     axes = figure.subplots(1, 3)
-    measured = growth_of(recording.speed)
-    predicted = {n: growth_of(run.speed.values) for n, run in simulated.items() if np.isfinite(run.speed.values).all()}
+    measured = measured_growth(recording.speed)
+    predicted = {
+        n: measured_growth(run.speed.values) for n, run in simulated.items() if np.isfinite(run.speed.values).all()
+    }
     collided = [n for n in simulated if n not in predicted]
     looks = dict(zip(simulated, style.series(len(simulated) + 1)[1:], strict=True))
     for ax, what in zip(axes, ("deviation", "range"), strict=False):
@@ -295,11 +304,11 @@ def gains(recording: Recording, fits: Sequence[Fit], title: str = "") -> Figure:
 
 def _band(fit: Fit, w: Array) -> tuple[Array | None, Array | None, Array | None]:
     """Return |G| of a fit and its 95 % band over the refits; None where the law has no equilibrium."""
-    from headway.calibration.verdict import linear_of
+    from headway.calibration.verdict import theory_of
 
     speed = fit.speeds[1]
-    own = linear_of(fit, fit.vehicle, speed)
-    drawn = [lin.gain(w) for car in fit.draws if (lin := linear_of(fit, car, speed)) is not None]
+    own = theory_of(fit, fit.vehicle, speed)
+    drawn = [lin.gain(w) for car in fit.draws if (lin := theory_of(fit, car, speed)) is not None]
     low, high = np.quantile(drawn, (0.025, 0.975), axis=0) if drawn else (None, None)
     return None if own is None else own.gain(w), low, high
 

@@ -93,7 +93,7 @@ def points(axes: Mapping[Any, Any], design: Design = "grid", count: int | None =
         raise unknown_name("design", design, get_args(Design))
     if not isinstance(axes, Mapping):
         raise HeadwayError(f"axes = {shorten(axes)} is not a mapping from a field to its values")
-    groups = [_group(paths, given) for paths, given in axes.items()]
+    groups = [_group(paths, values) for paths, values in axes.items()]
     names = [path for group in groups for path in group]
     for name in names:
         if names.count(name) > 1:
@@ -108,28 +108,28 @@ def points(axes: Mapping[Any, Any], design: Design = "grid", count: int | None =
     return _drawn(groups, design, int(count), seed)
 
 
-def _group(paths: Any, given: Any) -> dict[str, Any]:
+def _group(paths: Any, values: Any) -> dict[str, Any]:
     """One axis, or several that are zipped: a tuple of paths, or paths joined by '+'."""
     parts = tuple(paths) if isinstance(paths, tuple) else tuple(str(paths).split("+"))
     if not all(isinstance(p, str) and p for p in parts):
         raise HeadwayError(f"axes: {shorten(paths)} is not the path of a field, e.g. leader.amplitude")
     if len(parts) == 1:
-        return {parts[0]: _values(parts[0], given)}
-    if not isinstance(given, list | tuple) or len(given) != len(parts):
+        return {parts[0]: _values(parts[0], values)}
+    if not isinstance(values, list | tuple) or len(values) != len(parts):
         raise HeadwayError(f"axes: {'+'.join(parts)} needs {len(parts)} lists of values, one for each field")
-    return {path: _values(path, g) for path, g in zip(parts, given, strict=True)}
+    return {path: _values(path, g) for path, g in zip(parts, values, strict=True)}
 
 
-def _values(path: str, given: Any) -> Between | np.ndarray:
+def _values(path: str, values: Any) -> Between | np.ndarray:
     """Values as typed: a `Between`, a table with from and to, or a list."""
     place = f"axes.{path}"
-    if isinstance(given, Between):
-        return given
-    if isinstance(given, Mapping):
-        return _table(place, given)
-    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
-        raise HeadwayError(f"{place}: {shorten(given)} is not a list of values; write a list, or from, to and count")
-    return _array(place, list(given))
+    if isinstance(values, Between):
+        return values
+    if isinstance(values, Mapping):
+        return _table(place, values)
+    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+        raise HeadwayError(f"{place}: {shorten(values)} is not a list of values; write a list, or from, to and count")
+    return _array(place, list(values))
 
 
 def _table(place: str, table: Mapping[str, Any]) -> Between:
@@ -155,10 +155,10 @@ def _array(place: str, values: list[Any]) -> np.ndarray:
         return np.array(values, dtype=np.int64)
     if real:
         return np.array(values, dtype=float)
-    found = np.empty(len(values), dtype=object)
+    array = np.empty(len(values), dtype=object)
     for i, value in enumerate(values):
-        found[i] = value.item() if isinstance(value, np.generic) else value
-    return found
+        array[i] = value.item() if isinstance(value, np.generic) else value
+    return array
 
 
 def _listed(path: str, values: Between | np.ndarray) -> np.ndarray:
@@ -176,8 +176,8 @@ def _listed(path: str, values: Between | np.ndarray) -> np.ndarray:
 def _together(group: dict[str, np.ndarray], what: str) -> int:
     sizes = {path: values.size for path, values in group.items()}
     if len(set(sizes.values())) > 1:
-        told = ", ".join(f"{path} has {size}" for path, size in sizes.items())
-        raise HeadwayError(f"axes: {what} must be equally long; {told}")
+        listing = ", ".join(f"{path} has {size}" for path, size in sizes.items())
+        raise HeadwayError(f"axes: {what} must be equally long; {listing}")
     return next(iter(sizes.values()))
 
 

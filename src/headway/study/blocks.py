@@ -17,7 +17,7 @@ from headway.schema import describe
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MOST_SAMPLES", "measured", "own_value", "stacked"]
+__all__ = ["MOST_SAMPLES", "metric_values", "own_value", "stacked"]
 
 Array = NDArray[np.float64]
 
@@ -58,22 +58,22 @@ def stacked(scenario: Scenario, time: Array, motion: Array, collision: Array, la
     ))  # fmt: skip
 
 
-def measured(metrics: Iterable[Metric], runs: xr.Dataset) -> tuple[dict[str, Array], dict[int, str]]:
+def metric_values(metrics: Iterable[Metric], runs: xr.Dataset) -> tuple[dict[str, Array], dict[int, str]]:
     """Values (lane, …) of each metric, and by lane why one has none."""
     values: dict[str, Array] = {}
     reasons: dict[int, str] = {}
     count = runs.sizes["lane"]
     for metric in metrics:
         try:
-            found = metric.of(runs)
-            array = np.array(found.transpose("lane", ...).values, dtype=float)
+            result = metric.of(runs)
+            array = np.array(result.transpose("lane", ...).values, dtype=float)
             # a lane by itself may have no value where others have one, and says why
             lost = np.isnan(array[:, 1:] if array.ndim > 1 else array[:, None])
-            asked = np.flatnonzero(lost.any(axis=1) if "note" in found.attrs else lost.all(axis=1))
+            single = np.flatnonzero(lost.any(axis=1) if "note" in result.attrs else lost.all(axis=1))
         except HeadwayError:
             array = np.full((count, runs.sizes["vehicle"]) if metric.per == "vehicle" else (count,), np.nan)
-            asked = np.arange(count)
-        for lane in map(int, asked):
+            single = np.arange(count)
+        for lane in map(int, single):
             array[lane], reason = alone(metric, runs.isel(lane=lane))
             if reason:
                 reasons.setdefault(lane, reason)
@@ -84,21 +84,21 @@ def measured(metrics: Iterable[Metric], runs: xr.Dataset) -> tuple[dict[str, Arr
 def alone(metric: Metric, run: xr.Dataset) -> tuple[Any, str]:
     """The values of a single run, NaN with a reason where there are none."""
     try:
-        found = metric.of(run)
+        result = metric.of(run)
     except HeadwayError as error:
         return np.nan, str(error)
-    note = found.attrs.get("note", "")
-    return np.asarray(found.values, dtype=float), f"{metric.name}: {note}" if note else ""
+    note = result.attrs.get("note", "")
+    return np.asarray(result.values, dtype=float), f"{metric.name}: {note}" if note else ""
 
 
 def own_value(metric: Metric, dataset: Any) -> Any:
     """What a metric of one's own makes of trajectories; `HeadwayError` if it cannot."""
     try:
-        found = metric.function(dataset)
-        dims = tuple(getattr(found, "dims", ()))
+        result = metric.function(dataset)
+        dims = tuple(getattr(result, "dims", ()))
         if dims not in ((), ("vehicle",)):
             raise HeadwayError(f"metric {metric.name} has the dimensions {dims}; allowed are vehicle, or none")
-        return found
+        return result
     except HeadwayError:
         raise
     except Exception as error:

@@ -54,6 +54,7 @@ class Kind:
 
     @classmethod
     def of(cls, template: Template) -> Kind:
+        """The kind of a template: its structure and the motion of its leader."""
         s = template.scenario
         seed = s.seed if s.leader.random else 0
         return cls(template, structure(s), (s.leader, seed, s.end, s.cruise))
@@ -93,22 +94,22 @@ class Pool:
         """What is prepared for batches behind the leader of `kind`, or behind many leaders."""
         self.go_on()
         key = (kind.structure, kind.leader if shared else None, extra)
-        found = self.prepared.get(key)
-        if found is None:
+        prepared = self.prepared.get(key)
+        if prepared is None:
             frame = self.frame(kind, extra)
             size = frame.mesh.steps * (1 + frame.delays.size) * _STEP_BYTES
             if self.bytes + size > _KEPT_BYTES:
                 self.prepared, self.bytes = {}, 0  # runs under way keep theirs
-            found = {}
+            prepared = {}
             if size <= _KEPT_BYTES:
-                self.prepared[key] = found
+                self.prepared[key] = prepared
                 self.bytes += size
-        return found
+        return prepared
 
 
 def out_of_bounds(kind: Kind, fast: Sequence[Fast], lanes: int) -> dict[int, str]:
     """Why lanes are not allowed, by number: parameters that are not numbers or out of their bounds."""
-    found: dict[int, str] = {}
+    reasons: dict[int, str] = {}
     laws = {o: v.model.law for o, v in zip(kind.template.origins, kind.template.scenario.followers, strict=True)}
     for axis in fast:
         for origin, law in laws.items():
@@ -121,8 +122,8 @@ def out_of_bounds(kind: Kind, fast: Sequence[Fast], lanes: int) -> dict[int, str
                 try:
                     parameter.check(axis.values[lane], law.name)
                 except HeadwayError as error:
-                    found.setdefault(int(lane), f"{'.'.join(map(str, origin))}.parameters: {error}")
-    return found
+                    reasons.setdefault(int(lane), f"{'.'.join(map(str, origin))}.parameters: {error}")
+    return reasons
 
 
 def lanes_of(kind: Kind, fast: Sequence[Fast], lanes: int) -> Lanes:
@@ -134,7 +135,7 @@ def lanes_of(kind: Kind, fast: Sequence[Fast], lanes: int) -> Lanes:
 
     parameters = np.repeat(base.parameters, lanes, axis=2)
     gaps = np.repeat(base.gaps, lanes, axis=1)
-    known: dict[Origin, Array] = {}
+    equilibria: dict[Origin, Array] = {}
     offsets = dict(scenario.gap_offsets)
     for n, (origin, vehicle) in enumerate(zip(kind.template.origins, scenario.followers, strict=True)):
         law = vehicle.model.law
@@ -145,9 +146,11 @@ def lanes_of(kind: Kind, fast: Sequence[Fast], lanes: int) -> Lanes:
             if name in varied:
                 parameters[i, n] = varied[name]
         if scenario.gaps is None:
-            if origin not in known:
-                known[origin] = equilibrium_gaps(law, {**vehicle.model.parameters, **varied}, scenario.cruise, lanes)
-            gap = known[origin]
+            if origin not in equilibria:
+                equilibria[origin] = equilibrium_gaps(
+                    law, {**vehicle.model.parameters, **varied}, scenario.cruise, lanes
+                )
+            gap = equilibria[origin]
             gap = np.where(gap > 0, gap, np.nan) + offsets.get(n + 1, 0.0)
             gaps[n] = np.where(gap > 0, gap, np.nan)
     return Lanes(

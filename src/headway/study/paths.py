@@ -62,11 +62,11 @@ def resolve(path: str, table: Mapping[str, Any], laws: tuple[Law, ...], free: bo
         return ((head, *rest),)
     if head in _VEHICLE:
         return _of_all(path, [head, *rest], table, laws, free)
-    known = {p for t in _tables(table).values() for p in _law(t, laws).parameters}
-    if not rest and (head in known or free):
+    parameters = {p for t in _tables(table).values() for p in _law(t, laws).parameters}
+    if not rest and (head in parameters or free):
         return _of_all(path, ["parameters", head], table, laws, free)
-    near = did_you_mean(path, [*known, *_TOP, *_VEHICLE, "order"]).rstrip("?")
-    names = ", ".join((*sorted(known), *_VEHICLE, *_TOP, "order", "share.…", "leader.…", "followers.…"))
+    near = did_you_mean(path, [*parameters, *_TOP, *_VEHICLE, "order"]).rstrip("?")
+    names = ", ".join((*sorted(parameters), *_VEHICLE, *_TOP, "order", "share.…", "leader.…", "followers.…"))
     raise HeadwayError(f"axes.{path} names no field of the scenario{near}; allowed are {names}")
 
 
@@ -96,8 +96,8 @@ def _of_all(
     if rest[0] == "parameters" and len(rest) == 2 and not free:
         chosen = {t: v for t, v in tables.items() if rest[1] in _law(v, laws).parameters}
         if not chosen:
-            known = sorted({p for v in tables.values() for p in _law(v, laws).parameters})
-            raise unknown_name(f"axes.{path}: parameter", rest[1], known)
+            parameters = sorted({p for v in tables.values() for p in _law(v, laws).parameters})
+            raise unknown_name(f"axes.{path}: parameter", rest[1], parameters)
         tables = chosen
     if rest == [RADIO_DELAY] and not free:
         tables = {t: v for t, v in tables.items() if RADIO & set(_law(v, laws).signals)}

@@ -51,15 +51,15 @@ def assembled(
         about = {k: v for k, v in (("units", unit), ("long_name", meaning), ("note", note)) if v}
         variables[name] = ((*dims, *more), array.reshape(*points.shape, *array.shape[1:]), about)
     status = np.array(STATUS)[values["status"]].reshape(points.shape)
-    told = np.full(points.count, "", dtype=object)
+    texts = np.full(points.count, "", dtype=object)
     for i, text in messages.items():
-        told[i] = text
+        texts[i] = text
     meaning = "what became of the point: " + ", ".join(STATUS[:PENDING]) + ", or pending"
     variables["status"] = (dims, status, {"long_name": meaning})
     why = "why a point is invalid or failed, or a metric has no value"
     variables["message"] = (
         dims,
-        told.reshape(points.shape),
+        texts.reshape(points.shape),
         {"long_name": why},
     )
     coords: dict[str, Any] = {}

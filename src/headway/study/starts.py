@@ -42,11 +42,11 @@ def equilibrium_gaps(law: Law, parameters: Mapping[str, Any], speed: float, lane
     none = np.full(lanes, np.nan)
     if form is None:
         return none
-    given = {n: x.view(_Exact) if isinstance(x, np.ndarray) else float(x) for n, x in parameters.items()}
+    arguments = {n: x.view(_Exact) if isinstance(x, np.ndarray) else float(x) for n, x in parameters.items()}
     try:
         with np.errstate(all="ignore"):
-            low, high = (0.0, np.inf) if bounds is None else bounds(**given)
-            gaps = np.broadcast_to(np.asarray(form(float(speed), **given), dtype=float), lanes)
+            low, high = (0.0, np.inf) if bounds is None else bounds(**arguments)
+            gaps = np.broadcast_to(np.asarray(form(float(speed), **arguments), dtype=float), lanes)
             inside = (speed >= np.maximum(np.asarray(low), 0.0)) & (speed <= np.asarray(high))
             return np.where(inside & np.isfinite(gaps), gaps, np.nan)
     except (TypeError, ValueError):

@@ -108,7 +108,7 @@ class Store:
         values["status"] = piece.status
         counts = np.bincount(piece.status, minlength=len(STATUS)).tolist()
         messages = {str(i): m for i, m in piece.messages.items()}
-        told = {"status": counts, "messages": messages, "values": self._digest(number, values)}
+        record = {"status": counts, "messages": messages, "values": self._digest(number, values)}
         mark = self.path / _MARKS / f"{number}.json"
         temporary = mark.with_suffix(f".{os.getpid()}")
         start = number * self.about["chunk"]
@@ -117,7 +117,7 @@ class Store:
             for name, array in values.items():
                 self.arrays[name][start : start + array.shape[0]] = array
             try:
-                temporary.write_text(json.dumps(_sealed(told, self.about["hash"], number)), encoding="utf-8")
+                temporary.write_text(json.dumps(_sealed(record, self.about["hash"], number)), encoding="utf-8")
                 os.replace(temporary, mark)
             finally:
                 temporary.unlink(missing_ok=True)
@@ -156,16 +156,16 @@ class Store:
         import zarr
 
         axes = {}
-        for name, told in self.about["axes"].items():
-            if "values" in told:
-                axes[name] = np.empty(len(told["values"]), dtype=object)
-                axes[name][:] = told["values"]
+        for name, entry in self.about["axes"].items():
+            if "values" in entry:
+                axes[name] = np.empty(len(entry["values"]), dtype=object)
+                axes[name][:] = entry["values"]
                 continue
             try:
                 axes[name] = np.asarray(zarr.open_array(self.path / _array_name(name), mode="r")[:])
             except Exception:  # of Zarr, of a codec, of the disk
                 axes[name] = np.empty(0)
-            if _of_values(axes[name]) != told["digest"]:
+            if _of_values(axes[name]) != entry["digest"]:
                 raise HeadwayError(f"{self.path}: the axis {name} is damaged; remove the store and run the study anew")
         return axes
 
@@ -206,11 +206,11 @@ class Store:
 
     def _digest(self, number: int, values: Mapping[str, np.ndarray]) -> str:
         """SHA-256 of values by array, of which study and of which piece they are."""
-        told = hashlib.sha256(f"{self.about['hash']} {number}".encode())
+        digest = hashlib.sha256(f"{self.about['hash']} {number}".encode())
         for name in sorted(values):
-            told.update(f"\n{name}\n".encode())
-            told.update(values[name].tobytes())
-        return told.hexdigest()
+            digest.update(f"\n{name}\n".encode())
+            digest.update(values[name].tobytes())
+        return digest.hexdigest()
 
 
 def _path(path: Any) -> Path:
@@ -287,11 +287,11 @@ def _create(place: Path, about: dict[str, Any], axes: Mapping[str, np.ndarray]) 
         group = zarr.create_group(temporary, attributes={**about["attrs"], **order, "title": about["title"]})
         for name, (shape, chunks, kind) in _shapes(about).items():
             unit, meaning = about["described"].get(name, ("", ""))
-            told: dict[str, Any] = {"units": unit, "long_name": meaning} if meaning else {}
+            attributes: dict[str, Any] = {"units": unit, "long_name": meaning} if meaning else {}
             if name == "status":
-                told = {"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)}
+                attributes = {"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)}
             group.create_array(
-                _array_name(name), shape=shape, chunks=chunks, dtype=kind, attributes=told, **checked,
+                _array_name(name), shape=shape, chunks=chunks, dtype=kind, attributes=attributes, **checked,
                 fill_value=PENDING if name == "status" else np.nan, dimension_names=("point", "vehicle")[: len(shape)],
             )  # fmt: skip
         placed: dict[str, Any] = {}

@@ -168,20 +168,20 @@ class Study:
         Each point has a `status` (ok, collision, invalid, failed, or pending) and a `message`. Raises
         `HeadwayError` for a store of another study, a disk that is full, an executor that cannot be had.
         """
-        wanted = chosen(metrics, DEFAULT)
-        job = self._job(wanted)
+        selection = chosen(metrics, DEFAULT)
+        job = self._job(selection)
         if shard is not None:
             _check_shard(shard, store)
-        kept = list(keep)
-        for point in kept:
+        numbers = list(keep)
+        for point in numbers:
             self._check_point(point)
-        size = self._piece_size(wanted) if chunk is None else _whole(chunk)
+        size = self._piece_size(selection) if chunk is None else _whole(chunk)
         values, messages = self._perform(job, size, executor, shard, store, resume, progress)
-        found = assembled(self.points, values, messages, _described(wanted), self._attrs(), self._groups)
-        if not kept:
-            return found
-        runs = self.trajectories(kept).drop_vars(COLLISION)
-        return found.merge(runs, combine_attrs="override", join="outer")
+        result = assembled(self.points, values, messages, _described(selection), self._attrs(), self._groups)
+        if not numbers:
+            return result
+        runs = self.trajectories(numbers).drop_vars(COLLISION)
+        return result.merge(runs, combine_attrs="override", join="outer")
 
     def stability(self, executor: Any = "threads", *, progress: Callable[[int, int], Any] | None = None) -> xr.Dataset:
         """The same points by exact theory, at the speed of the platoon before t = 0.
@@ -294,14 +294,14 @@ class Study:
     @functools.cached_property
     def hash(self) -> str:
         """SHA-256 of what the study is: its scenario, its types, its points; not of what is measured."""
-        told = hashlib.sha256(self.scenario.hash.encode())
+        digest = hashlib.sha256(self.scenario.hash.encode())
         for name, vehicle in sorted(self.types.items()):
             alone = Scenario(self.scenario.leader, [vehicle], duration=self.scenario.duration, gaps=1.0)
-            told.update(f"\n{name}\n{alone.hash}".encode())
+            digest.update(f"\n{name}\n{alone.hash}".encode())
         for path, values in self.points.values.items():
-            told.update(f"\n{path}\n{self.points.along[path]}\n".encode())
-            told.update(repr(values.tolist()).encode() if values.dtype == object else values.tobytes())
-        return told.hexdigest()
+            digest.update(f"\n{path}\n{self.points.along[path]}\n".encode())
+            digest.update(repr(values.tolist()).encode() if values.dtype == object else values.tobytes())
+        return digest.hexdigest()
 
     def _about(self, job: Job, size: int) -> dict[str, Any]:
         """What a store says of its study; equal hashes give equal bits."""
@@ -344,9 +344,9 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
     values, messages, damaged = store.read()
     if damaged:
         raise HeadwayError(f"{_damage(store, damaged)}; run the study again with this store to compute them anew")
-    found = Points(about["dims"], about["along"], store.axes())
+    grid = Points(about["dims"], about["along"], store.axes())
     described = {n: (unit, meaning) for n, (unit, meaning) in about["described"].items()}
-    return assembled(found, values, messages, described, about["attrs"], about["groups"])
+    return assembled(grid, values, messages, described, about["attrs"], about["groups"])
 
 
 def _intact(store: Store, numbers: Iterable[int]) -> set[int]:

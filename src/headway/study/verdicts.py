@@ -35,6 +35,7 @@ class TheoryJob(Job):
     """A study by theory: the same points, `VERDICTS` of each."""
 
     def worker(self) -> Any:
+        """What does pieces of it, called as a `Worker`."""
         return StudyTheory(self)
 
 
@@ -51,6 +52,7 @@ class StudyTheory:
         self.lock = threading.Lock()
 
     def __call__(self, columns: Mapping[str, np.ndarray], count: int) -> Piece:
+        """Values of `count` points with these values of each path (points,)."""
         piece = Piece({n: np.full(count, np.nan) for n in VERDICTS}, np.zeros(count, dtype=np.int8), {})
         for i in range(count):
             if self.stop.is_set():
@@ -73,21 +75,24 @@ class StudyTheory:
                 return self.chains[key]
             if len(self.chains) > 10_000:
                 self.chains.clear()
-        found = verdicts(head_to_tail(scenario.followers, scenario.cruise, gaps))
+        result = string_verdicts(head_to_tail(scenario.followers, scenario.cruise, gaps))
         with self.lock:
-            self.chains[key] = found
-        return found
+            self.chains[key] = result
+        return result
 
 
-def verdicts(chain: Chain) -> dict[str, float]:
+def string_verdicts(chain: Chain) -> dict[str, float]:
     """What theory says of a string, by name of `VERDICTS`: its vehicles by the compiled sweep, as maps do."""
     from headway.theory import sweep
 
     rows = sweep.rows_of(list(dict.fromkeys(chain.vehicles)), local=True)
-    found = sweep.judge(rows)
-    local, least = bool(found.locally_stable.all()), float(found.margin.min())
+    verdict = sweep.judge(rows)
+    local, least = bool(verdict.locally_stable.all()), float(verdict.margin.min())
     # no vehicle has a verdict of its own where one hears the platoon leader; the whole platoon has
-    strict = {"string_stable": local and bool(found.string_stable.all()), "margin": least if local else min(least, 0.0)}
+    strict = {
+        "string_stable": local and bool(verdict.string_stable.all()),
+        "margin": least if local else min(least, 0.0),
+    }
     alone = len(rows) == 1 and not chain.hears_leader
     gain = float("inf")
     if local:

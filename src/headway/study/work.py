@@ -24,7 +24,7 @@ from headway.metrics.sizes import COLLISION
 from headway.models import Law
 from headway.scenario.scenario import Scenario
 from headway.scenario.vehicle import Vehicle
-from headway.study.blocks import MOST_SAMPLES, alone, measured, own_value, stacked
+from headway.study.blocks import MOST_SAMPLES, alone, metric_values, own_value, stacked
 from headway.study.lanes import Fast, Kind, Pool, chosen_lanes, joined, lanes_of, out_of_bounds
 from headway.study.paths import ORDER, SHARE, Target, parameter_of
 from headway.study.templates import TemplateTable
@@ -131,23 +131,23 @@ class Worker:
             code = _codes(columns[path])
             _, codes = np.unique(codes * (int(code.max(initial=0)) + 1) + code, return_inverse=True)
         order = np.argsort(codes, kind="stable")
-        found = []
+        groups = []
         for numbers in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1):
             if not numbers.size:
                 continue
             first = int(numbers[0])
             kind = self._kind([(t, plain(columns[p][first])) for p, t in slow])
             if isinstance(kind, Kind):
-                found.append((kind, numbers))
+                groups.append((kind, numbers))
                 continue
             for i in numbers:
                 # with other parameters of laws it may be allowed after all
                 whole = self._whole(columns, int(i)) if self.fast else kind
                 if isinstance(whole, Kind):
-                    found.append((whole, np.array([i])))
+                    groups.append((whole, np.array([i])))
                 else:
                     self._refuse(piece, int(i), whole)
-        return found
+        return groups
 
     def _kind(self, values: list[tuple[tuple[Target, ...], Any]]) -> Kind | str:
         """The template of these values, or why there is none."""
@@ -193,14 +193,14 @@ class Worker:
             bad = out_of_bounds(kind, fast, members.size)
             for lane, why in bad.items():
                 self._refuse(piece, int(members[lane]), why)
-            made = lanes_of(kind, fast, members.size)
-            asked = np.flatnonzero(np.isnan(made.gaps).any(axis=0))
-            for lane in map(int, asked):
+            block = lanes_of(kind, fast, members.size)
+            missing = np.flatnonzero(np.isnan(block.gaps).any(axis=0))
+            for lane in map(int, missing):
                 if lane in bad:
                     continue
                 whole = self._whole(columns, int(members[lane]))
                 if isinstance(whole, Kind):
-                    made.gaps[:, lane] = whole.base.gaps[:, 0]
+                    block.gaps[:, lane] = whole.base.gaps[:, 0]
                 else:
                     bad[lane] = whole
                     self._refuse(piece, int(members[lane]), whole)
@@ -209,7 +209,7 @@ class Worker:
                 which.append(np.full(good.size, len(kinds)))
                 kinds.append(kind)
                 numbers.append(members[good])
-                lanes.append(made if good.size == members.size else chosen_lanes(made, good))
+                lanes.append(block if good.size == members.size else chosen_lanes(block, good))
         if not numbers:
             return
         points, together = np.concatenate(numbers), joined(lanes)
@@ -246,8 +246,8 @@ class Worker:
         each = points[:, None], np.arange(vehicles)
         for metric in self.job.metrics:
             if metric.reduced is not None:
-                made = metric.reduced.make(extremes[metric.reduced.signal]) if metric.reduced.signal else collision
-                piece.values[metric.name][each] = made.T
+                array = metric.reduced.make(extremes[metric.reduced.signal]) if metric.reduced.signal else collision
+                piece.values[metric.name][each] = array.T
         piece.status[points[np.isfinite(collision).any(axis=0)]] = COLLIDED
         again = np.flatnonzero(np.concatenate([part.unsettled for part in parts]))
         if again.size:
@@ -283,7 +283,7 @@ class Worker:
                     collision = result.collision[:, good]
                     piece.status[points[block][good][np.isfinite(collision).any(axis=0)]] = COLLIDED
                     runs = stacked(scenario, result.time, result.motion[..., good], collision, chosen_lanes(some, good))
-                    self._take(*measured(self.job.metrics, runs), points[block][good], piece)
+                    self._take(*metric_values(self.job.metrics, runs), points[block][good], piece)
 
     def _take(
         self, values: Mapping[str, Array], reasons: Mapping[int, str], points: NDArray[np.int64], piece: Piece
@@ -320,9 +320,9 @@ class Worker:
             return self._refuse(piece, i, str(error))
         try:
             result = solve(scenario, self.pool.stop.is_set)
-            known = variables(scenario, result)
+            signals = variables(scenario, result)
             hit = result.collision_time
-            extremes: dict[str, Extremes] = of_run(result.time, known, self.needs, limits(scenario), hit)
+            extremes: dict[str, Extremes] = of_run(result.time, signals, self.needs, limits(scenario), hit)
             dataset: Any = to_dataset(scenario, result) if self.own or self.whole else None
             if np.isfinite(hit).any():
                 piece.status[i] = COLLIDED
