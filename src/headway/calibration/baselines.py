@@ -16,10 +16,19 @@ __all__ = ["Errors", "errors_on"]
 
 
 class Errors(NamedTuple):
-    """On the stretches of one recording: r.m.s. gap error [m], over r.m.s. gap, r.m.s. speed error [m/s].
+    """Errors on the stretches of one recording, beside two drivers that need no model; NaN where the model collides.
 
-    `constant_*`: a driver who keeps the mean recorded speed of the stretch; `copy_*`: one who does at once what the
-    vehicle ahead does, so that the gap stays. NaN where the model collides.
+    Attributes:
+        source: the recording.
+        vehicle: number of the follower.
+        seconds: length of the stretches together [s].
+        gap: r.m.s. gap error [m].
+        gap_relative: r.m.s. gap error over r.m.s. recorded gap [1].
+        speed: r.m.s. speed error [m/s].
+        constant_gap: gap error [m] of a driver who keeps the mean recorded speed of the stretch.
+        constant_speed: that driver's speed error [m/s].
+        copy_gap: gap error [m] of a driver who does at once what the vehicle ahead does, so that the gap stays.
+        copy_speed: that driver's speed error [m/s].
     """
 
     source: str
@@ -35,7 +44,13 @@ class Errors(NamedTuple):
 
 
 def errors_on(segments: Sequence[Segment], space: Space, at: Array) -> Errors:
-    """Errors of the candidate `at` (p,) of the unit cube on stretches of one recording."""
+    """Errors of one candidate on stretches of one recording.
+
+    Args:
+        segments: the stretches, at least one.
+        space: what is fitted.
+        at: the candidate (p,) in the unit cube.
+    """
     loop = Loop(space, segments)
     gap, speed = loop.rms(at[:, None])[:, 0]
     parts = [_baselines(s, start) for s, start in zip(segments, loop.starts, strict=True)]

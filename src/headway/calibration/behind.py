@@ -31,16 +31,31 @@ MEASURES = {
 
 
 def part_of(recording: Recording, window: Window | None) -> Recording:
-    """The recording, or its part within `window` [s of the recording]."""
+    """A recording, or its part within a window.
+
+    Args:
+        recording: the recording.
+        window: (start, end) [s of the recording]; None leaves all of it.
+    """
     return recording if window is None else recording.between(*window)
 
 
 @typed
 def replay(recording: Recording, followers: Sequence[Vehicle], window: Window | None = None) -> xr.Dataset:
-    """The whole string simulated from the recorded leader alone: a dataset as of `headway.simulate`.
+    """The whole string simulated from the recorded leader alone.
 
-    followers: one vehicle for each recorded one, front to back. Times start at 0; compare with
-    `headway.data.compare(replay(…), part_of(recording, window).from_zero())`.
+    Compare it with `headway.data.compare(replay(…), recording.between(*window).from_zero())`.
+
+    Args:
+        recording: the recorded platoon.
+        followers: one vehicle for each recorded follower, front to back.
+        window: (start, end) [s of the recording]; all of it if None.
+
+    Returns:
+        A dataset as of `headway.simulate`; times start at 0.
+
+    Raises:
+        HeadwayError: where the number of vehicles differs.
     """
     from headway.engine.simulate import simulate
 
@@ -61,10 +76,21 @@ def one_in(
     followers: int = 10,
     window: Window | None = None,
 ) -> xr.Dataset:
-    """What it changes that each n-th follower is `other` instead: `MEASURES` along `every` (0: none is).
+    """Effect on a string of replacing each n-th follower by another vehicle: `MEASURES` along `every`.
 
-    cars: the vehicles of the string, repeated to `followers`; all start in equilibrium behind the recorded leader. In
-    groups of n the last is replaced. A radio needs a sender: every car is taken to send what `other` hears.
+    All start in equilibrium behind the recorded leader. In groups of n the last is replaced. A radio needs a sender:
+    every car is taken to send what `other` hears.
+
+    Args:
+        recording: the recorded platoon, of which the leader counts.
+        cars: the vehicles of the string, repeated to `followers`.
+        other: the vehicle that replaces some.
+        every: values of n from 0 (none is replaced) to `followers`.
+        followers: length of the string.
+        window: (start, end) [s of the recording]; all of it if None.
+
+    Raises:
+        HeadwayError: for an n that is no such number.
     """
     import xarray as xr
 

@@ -41,10 +41,21 @@ def cross_validate(
     seeds: int = 3,
     seed: int = 0,
 ) -> xr.Dataset:
-    """Errors of a law fitted to each (run, vehicle) and driven in the place of each other: dims trained, tested.
+    """Errors of a law fitted to each (run, vehicle) and driven in the place of each other.
 
-    vehicles: followers of every run; all that every run has if None. Coordinates name run and vehicle of both; NaN
-    where the fitted law collides. The diagonal is the training error. Other arguments as of `calibrate`.
+    Args:
+        model: a law, a model or a vehicle.
+        recordings: runs, as `Recording` or files.
+        vehicles: followers of every run; all that every run has if None.
+        fit: names of fitted quantities, as of `calibrate`.
+        objective: "gap" or "gap+speed", as of `calibrate`.
+        bounds: name → (low, high) [SI], as of `calibrate`.
+        seeds: searches that start differently.
+        seed: the first of their seeds.
+
+    Returns:
+        A dataset along trained and tested, whose coordinates name run and vehicle of both; NaN where the fitted law
+        collides. The diagonal is the training error.
     """
     import xarray as xr
 

@@ -1,4 +1,4 @@
-"""Fits as TOML: `followers` as scenarios have them, and beside them what is known about each."""
+"""Fits as TOML: `followers` as scenarios have them, and beside them values, intervals and errors of each fit."""
 
 from __future__ import annotations
 
@@ -28,13 +28,24 @@ def fits_toml(fits: Sequence[Fit]) -> str:
 
 
 def fits_table(fits: Sequence[Fit]) -> dict[str, Any]:
-    """Fits as plain tables: `followers`, and `fits` with what is known about each."""
+    """Fits as plain tables: `followers`, and `fits` with values, intervals and errors of each."""
     return {"followers": [_follower(f.vehicle) for f in fits], "fits": [_record(f) for f in fits]}
 
 
 @typed
 def save(fits: Sequence[Fit], path: str | os.PathLike[str]) -> Path:
-    """Write `fits_toml(fits)`; HeadwayError where that cannot be done."""
+    """Write fits as TOML that a scenario accepts.
+
+    Args:
+        fits: the fits, front to back.
+        path: a file that ends in .toml.
+
+    Returns:
+        The path.
+
+    Raises:
+        HeadwayError: for another suffix, and where the file cannot be written.
+    """
     target = Path(path)
     if target.suffix != ".toml":
         raise HeadwayError(f"{target}: a fit is written as .toml, not {target.suffix or 'without suffix'}")
@@ -46,7 +57,15 @@ def save(fits: Sequence[Fit], path: str | os.PathLike[str]) -> Path:
 
 @typed
 def load_followers(path: str | os.PathLike[str], models: Iterable[Law] = ()) -> list[Vehicle]:
-    """The vehicles of a file of fits, or of any file with `[[followers]]`; `models` are laws of one's own in it."""
+    """The vehicles of a file of fits, or of any file with `[[followers]]`.
+
+    Args:
+        path: the TOML file.
+        models: laws of one's own in it.
+
+    Raises:
+        HeadwayError: where it has no followers, or they are not allowed.
+    """
     content = read_table(path)
     if "followers" not in content:
         raise HeadwayError(f"{path}: has no [[followers]]; headway calibrate --out writes such a file")
@@ -77,5 +96,5 @@ def _record(fit: Fit) -> dict[str, Any]:
 
 
 def _finite(numbers: dict[str, Any]) -> dict[str, Any]:
-    """TOML knows nan, but a missing number is said by its absence."""
+    """Numbers that are not NaN: TOML leaves out what is missing."""
     return {k: v for k, v in numbers.items() if v == v}

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.calibration.baselines import Errors, errors_on
 from headway.calibration.loop import OBJECTIVES, PENALTY, Loop
 from headway.calibration.search import search
@@ -28,7 +28,6 @@ from headway.scenario.vehicle import Vehicle
 
 __all__ = ["Fit", "calibrate"]
 
-Array = NDArray[np.float64]
 Source = Recording | str | os.PathLike[str]
 
 #: samples needed per fitted quantity
@@ -37,12 +36,28 @@ _SAMPLES = 20
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A calibrated vehicle and what is known about it; made by `calibrate`. p fitted quantities, R refits.
+    """A calibrated vehicle and what the record says about it; made by `calibrate`. p fitted quantities, R refits.
 
-    vehicle: ready for a scenario. values, intervals: fitted quantities by name, SI, and their 95 % intervals from
-    `refits` (p, R). spread: largest less least value over the seeds that came within 1 % of the best objective.
-    seeds: (p, seeds) values by seed, best first, with `objectives` (seeds,). profiles: one a quantity. train, test:
-    errors by recording. blocks [s]: of the bootstrap. notes: what a reader must know, in words.
+    Attributes:
+        vehicle: ready for a scenario.
+        follower: number of the recorded vehicle.
+        objective: "gap" or "gap+speed".
+        value: the least objective [1].
+        values: fitted quantities by name, SI.
+        intervals: their 95 % intervals from the refits, by name.
+        refits: (p, R) values of the bootstrap.
+        seeds: (p, seeds) values by seed, best first.
+        objectives: (seeds,) their objectives [1].
+        profiles: one for each quantity.
+        train: errors in training, by recording.
+        test: errors on other stretches, by recording.
+        blocks: length of the blocks of the bootstrap [s].
+        notes: what a reader must know, in sentences.
+        evaluations: how many candidates were driven.
+        seconds: how long it took [s].
+        space: the quantities and their bounds.
+        segments: stretches of training.
+        test_segments: stretches of testing.
     """
 
     vehicle: Vehicle
@@ -98,7 +113,14 @@ class Fit:
         return float(np.nanmean(np.concatenate([s.gap for s in self.segments])))
 
     def path(self, segments: Sequence[Segment]) -> list[tuple[Array, Array]]:
-        """Gaps [m] and speeds [m/s] (n,) of the fitted vehicle at the samples of each segment."""
+        """The fitted vehicle driven along segments.
+
+        Args:
+            segments: stretches of recordings.
+
+        Returns:
+            Gaps [m] and speeds [m/s], (n,) each, at the samples of each segment.
+        """
         loop = Loop(self.space, segments, self.objective)
         at = self.space.unit(np.array(list(self.values.values()))[:, None])
         path = loop.paths(at)[0][:, :, 0]
@@ -138,7 +160,7 @@ class Fit:
         return fits_toml([self])
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write `to_toml` to a file; returns its path."""
+        """Write `to_toml` to a file that ends in .toml; returns its path."""
         from headway.calibration.document import save
 
         return save([self], path)
@@ -159,20 +181,28 @@ def calibrate(
     seed: int = 0,
     refits: int = 100,
 ) -> Fit:
-    """Fit `model` to follower `vehicle` of one or more recordings, in closed loop behind the recorded vehicle ahead.
-
-    model: a law, a model or a vehicle; what is not fitted keeps its value, and a pattern of late signals is scaled.
-    recording: a `Recording` or a file, or several runs that are fitted together.
-    fit: names of parameters, "delay" and "lag" [s]; None takes all parameters that are not structural, and the delay.
-    objective: "gap" minimises sqrt(mean e²)/sqrt(mean gap²); "gap+speed" adds the same of speed.
-    bounds: name → (low, high) [SI] instead of the law's own; delays are sought in 0 to 3 s, lags in 0 to 2 s.
-    train: windows (start, end) [s of the recording]; all of it if None. test: windows of the same recordings, or other
-        recordings; what training leaves, if None.
-    seeds: searches that start differently (`seed`, `seed`+1, …); their spread is reported. refits: of the bootstrap.
+    """Fit a law to a follower of one or more recordings, in closed loop behind the recorded vehicle ahead.
 
     The initial state of each stretch is the recorded one. A candidate that collides gets a large finite objective.
-    Raises HeadwayError where the recording cannot serve (see `headway.calibration.segments.cut`), for unknown names,
-    and where every candidate collides.
+
+    Args:
+        model: a law, a model or a vehicle; what is not fitted keeps its value, and a pattern of late signals is scaled.
+        recording: a `Recording` or a file, or several runs that are fitted together.
+        vehicle: number of the follower, from 1.
+        fit: names of parameters, "delay" and "lag" [s]; None takes all parameters that are not structural, and the
+            delay.
+        objective: "gap" minimises sqrt(mean e²)/sqrt(mean gap²); "gap+speed" adds that ratio of the speed.
+        bounds: name → (low, high) [SI] instead of the law's own; delays are sought in 0 to 3 s, lags in 0 to 2 s.
+        train: windows (start, end) [s of the recording]; all of it if None.
+        test: windows of the same recordings, or other recordings; what training leaves, if None.
+        seeds: searches that start differently, 1 to 10000; their spread is reported.
+        seed: the first of their seeds.
+        refits: refits of the bootstrap, 1 to 10000.
+
+    Raises:
+        HeadwayError: where the recording cannot serve (see `headway.calibration.segments.cut`), for unknown names, and
+            where every candidate collides.
+
     Source: Punzo and Montanino, Transp. Res. B 91 (2016) 21-33; Treiber and Kesting, Traffic Flow Dynamics, ch. 16.
     """
     begin = time.perf_counter()
@@ -224,12 +254,19 @@ def calibrate(
 
 
 def opened(source: Source) -> Recording:
-    """The recording itself, or the one in a file."""
+    """A recording, read if it is a file."""
     return source if isinstance(source, Recording) else read(source)
 
 
 def windows_of(train: Any) -> list[Window]:
-    """Windows from one (start, end) or several; none for None."""
+    """Windows from one (start, end) or several; none for None.
+
+    Args:
+        train: one pair of times [s], a list of pairs, or None.
+
+    Raises:
+        HeadwayError: for anything else.
+    """
     if train is None:
         return []
     try:
@@ -242,7 +279,7 @@ def windows_of(train: Any) -> list[Window]:
 def _test_segments(
     recordings: Sequence[Recording], vehicle: int, windows: list[Window], test: Any, notes: list[str]
 ) -> list[Segment]:
-    """Stretches to be tested on; a rest that is too short is left out and said so."""
+    """Stretches to be tested on; a rest that is too short is left out, with a note."""
     if test is None:
         pairs = [(r, _rest(r, windows)) for r in recordings] if windows else []
         explicit = False
@@ -286,7 +323,7 @@ def _errors(segments: Sequence[Segment], space: Space, best: Array) -> tuple[Err
 
 
 def _about(car: Vehicle, segments: Sequence[Segment]) -> list[str]:
-    """What the fitted law cannot do with the record."""
+    """Sentences on what the fitted law cannot do with the record."""
     if car.model.rests_everywhere:
         return [f"{car.model.name} rests at every gap, so it never corrects one: errors of the initial gap stay."]
     speeds = np.concatenate([s.speed for s in segments])

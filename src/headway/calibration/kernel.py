@@ -44,9 +44,31 @@ def follow(
 ):  # fmt: skip
     """Drive every lane along one record; see `headway.calibration.loop` for the arrays.
 
-    `sums` (2, B) gains the squared errors of gap and speed, `crash` (B,) the share of the record that
-    is left after a collision (0 without one), `path` (2, samples, B) the gaps and speeds at samples if
-    it has any rows. A lane that collides or leaves the finite numbers is put back where it began.
+    A lane that collides or leaves the finite numbers is put back where it began. B lanes, S signals, n steps, N
+    samples.
+
+    Args:
+        address: of the compiled law.
+        codes: (S,) what each signal is.
+        same: (S,) the earlier signal with the same own speed, -1 if there is none.
+        shift: (2 S, B) whole steps back, of each half of a signal.
+        weight: (2 S, 5, B) weights of the past, of each half of a signal.
+        lag: (3, B) weights of the actuator.
+        limits: (2,) least and largest acceleration [m/s²].
+        parameters: (parameters, B).
+        lead: (5, n) motion of the vehicle ahead and of the platoon's first.
+        start: (2, B) initial gap [m] and speed [m/s].
+        h: the step [s].
+        every: steps from sample to sample.
+        observed: (4, N) recorded gap and speed, and 1 where they are there.
+        sums: (2, B) gains the squared errors of gap [m²] and speed [m²/s²].
+        crash: (B,) becomes the share of the record that is left after a collision, 0 without one.
+        path: (2, N, B) becomes gaps and speeds at samples, if it has any rows.
+        ring: (3, a power of two, B) room for the last gaps, speeds and accelerations.
+        signals: (S + 1, B) room for what the law hears.
+        sources: (S, 3) room for where it hears it.
+        command: (2, B) room for accelerations asked for, before and now.
+        place: (B,) room for how far each lane has come [m].
     """
     B = start.shape[1]
     M = ring.shape[1] - 1  # the ring has a power of two of rows

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.calibration.kernel import follow
 from headway.calibration.segments import Segment
 from headway.calibration.space import Space
@@ -20,7 +21,6 @@ from headway.models.signal import AHEAD, SIGNALS
 
 __all__ = ["OBJECTIVES", "PENALTY", "Loop"]
 
-Array = NDArray[np.float64]
 
 #: what can be minimised
 OBJECTIVES = ("gap", "gap+speed")
@@ -30,10 +30,15 @@ PENALTY = 100.0
 
 
 class Loop:
-    """The vehicles of `space` behind the vehicle ahead in each of `segments`.
+    """Closed loop of candidates behind the vehicle ahead in each segment.
 
     The objective is NRMSE(gap) = sqrt(mean e²)/sqrt(mean recorded²), for "gap+speed" plus that of speed, over all
     segments (Punzo and Montanino, Transp. Res. B 91, 2016). L lanes, p quantities, N samples of all segments.
+
+    Args:
+        space: the quantities that are fitted, and the vehicle that has them.
+        segments: stretches of recordings.
+        objective: one of `OBJECTIVES`.
     """
 
     def __init__(self, space: Space, segments: Sequence[Segment], objective: str = "gap") -> None:
@@ -75,7 +80,7 @@ class Loop:
         return [slice(int(e - s.gap.size), int(e)) for s, e in zip(self.segments, ends, strict=True)]
 
     def _heard_before(self, i: int) -> int:
-        """The earlier signal that is one's own speed, as late as signal `i` hears it; -1 if there is none."""
+        """Number of an earlier signal that hears one's own speed as late as signal `i` does; -1 if there is none."""
         own_speed = SIGNAL_TABLE[SIGNAL_CODES["v"]]
         for n in range(i):
             if np.array_equal(self.codes[n], own_speed) and self.pattern[2 * n + 1] == self.pattern[2 * i + 1]:
@@ -83,25 +88,38 @@ class Loop:
         return -1
 
     def errors(self, unit: Array) -> Array:
-        """Objective (L,) of points (p, L)."""
+        """Objective (L,) of candidates (p, L) in the unit cube."""
         sums, crash, _ = self._drive(unit, None, keep=False)
         return self.weigh(sums, crash)
 
     def weigh(self, sums: Array, crash: Array) -> Array:
-        """Objective (L,) of sums of squares (2, L) and shares of the record left after a collision (L,)."""
+        """Objective of candidates from their errors.
+
+        Args:
+            sums: (2, L) sums of squares of gap and speed.
+            crash: (L,) shares of the record left after a collision.
+
+        Returns:
+            (L,) the objective; `PENALTY` and more where there is a collision.
+        """
         relative = np.sqrt(sums / np.maximum(self.counts, 1)[:, None]) / self.scale[:, None]
         value = relative[0] if self.objective == "gap" else relative[0] + relative[1]
         return np.where(crash > 0, PENALTY * (1.0 + crash), np.minimum(value, PENALTY))
 
     def rms(self, unit: Array) -> Array:
-        """r.m.s. errors of gap [m] and speed [m/s] (2, L); NaN where a candidate collides."""
+        """r.m.s. errors (2, L) of gap [m] and speed [m/s] of candidates (p, L); NaN where a candidate collides."""
         sums, crash, _ = self._drive(unit, None, keep=False)
         return np.where(crash > 0, np.nan, np.sqrt(sums / np.maximum(self.counts, 1)[:, None]))
 
     def paths(self, unit: Array, starts: Sequence[Array] | None = None) -> tuple[Array, Array]:
-        """Gaps and speeds (2, N, L) of points (p, L), and shares (L,) left after a collision.
+        """Trajectories of candidates.
 
-        `starts`: initial gap and speed (2, L) for each segment instead of the recorded ones.
+        Args:
+            unit: (p, L) points of the unit cube.
+            starts: initial gap and speed (2, L) for each segment; the recorded ones if None.
+
+        Returns:
+            Gaps [m] and speeds [m/s] (2, N, L), and the shares (L,) of the record left after a collision.
         """
         _, crash, path = self._drive(unit, starts, keep=True)
         return path, crash

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.calibration.behind import part_of
 from headway.calibration.segments import Window
 from headway.calibration.uncertainty import block_length
@@ -22,7 +23,6 @@ from headway.errors import HeadwayError
 
 __all__ = ["Growth", "Transfer", "measured_growth", "measured_transfer", "spectra"]
 
-Array = NDArray[np.float64]
 
 #: length [s] of the stretches that are averaged, at most a third of the record
 _STRETCH = 60.0
@@ -36,10 +36,16 @@ COHERENT = 0.5
 
 @dataclass(frozen=True)
 class Transfer:
-    """Speed of `vehicle` over that of the one ahead. K frequencies.
+    """Measured transfer function of one vehicle: its speed over that of the one ahead, at K frequencies.
 
-    frequency (K,) [rad/s], gain (K,) |H1| with its 95 % interval `low`, `high`, coherence (K,), averages: how many
-    independent stretches count.
+    Attributes:
+        vehicle: number of the follower.
+        frequency: (K,) [rad/s].
+        gain: (K,) |H1| [1].
+        low: (K,) lower end of its 95 % interval.
+        high: (K,) upper end.
+        coherence: (K,) 0 to 1.
+        averages: how many independent stretches count.
     """
 
     vehicle: int
@@ -60,9 +66,18 @@ class Transfer:
 def measured_transfer(
     recording: Recording, vehicle: int, window: Window | None = None, highest: float = 2.0
 ) -> Transfer:
-    """The transfer function between `vehicle` and the one ahead, up to `highest` [rad/s], from recorded speeds.
+    """The transfer function between a vehicle and the one ahead, from recorded speeds.
 
-    Hann stretches of 60 s (at most a third of the record) that overlap by half; a missing speed is refused.
+    Hann stretches of 60 s (at most a third of the record) that overlap by half.
+
+    Args:
+        recording: the recorded platoon.
+        vehicle: number of the follower, from 1.
+        window: (start, end) [s of the recording]; all of it if None.
+        highest: highest frequency [rad/s] > 0.
+
+    Raises:
+        HeadwayError: for a vehicle that is not there, and for a missing speed.
     """
     from scipy import signal
 
@@ -88,7 +103,7 @@ def measured_transfer(
 
 
 def _rows(speeds: Array) -> Array:
-    """Speeds (vehicles, times), or a sentence."""
+    """Speeds as an array (vehicles, times); refused where they have another shape."""
     rows = np.asarray(speeds, dtype=float)
     if rows.ndim != 2 or rows.shape[1] < 2:
         raise HeadwayError(f"speeds have shape {rows.shape}; (vehicles, times) with two times or more is needed")
@@ -97,7 +112,15 @@ def _rows(speeds: Array) -> Array:
 
 @typed
 def spectra(speeds: Array, time: Array) -> tuple[Array, Array]:
-    """Frequencies (K,) [rad/s] and power spectra (V, K) [(m/s)²/(rad/s)] of speeds (V, T) at uniform times (T,)."""
+    """Power spectra of speeds down a string.
+
+    Args:
+        speeds: (V, T) [m/s].
+        time: (T,) [s], uniform.
+
+    Returns:
+        Frequencies (K,) [rad/s] and power spectra (V, K) [(m/s)²/(rad/s)].
+    """
     from scipy import signal
 
     speeds = _rows(speeds)
@@ -122,10 +145,15 @@ def _options(time: Array) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Growth:
-    """Speeds down a string, vehicles 0 … V-1: deviation, range (V,) [m/s]; ratio (V,), deviation over the one ahead.
+    """How deviations of speed change down a string, vehicles 0 … V-1; ratios are NaN for the leader.
 
-    `ratio_low`, `ratio_high` (V,): 95 % intervals by resampling blocks of time; `grows` (V,): share of resamples in
-    which the ratio exceeds 1. NaN for the leader.
+    Attributes:
+        deviation: (V,) standard deviation of speed [m/s].
+        range: (V,) largest less least speed [m/s].
+        ratio: (V,) deviation over that of the vehicle ahead [1].
+        ratio_low: (V,) lower end of its 95 % interval, by resampling blocks of time.
+        ratio_high: (V,) upper end.
+        grows: (V,) share of resamples in which the ratio exceeds 1.
     """
 
     deviation: Array
@@ -138,9 +166,14 @@ class Growth:
 
 @typed
 def measured_growth(speeds: Array, resamples: int = 400, seed: int = 0) -> Growth:
-    """How speed deviations grow down a string, from speeds (V, T) at uniform times; NaN samples are left out.
+    """How speed deviations grow down a string.
 
-    Blocks are as long as the leader's speed is correlated, and are the same for all vehicles of a resample.
+    Blocks are as long as the leader's speed is correlated, and the resampled times are common to all vehicles.
+
+    Args:
+        speeds: (V, T) [m/s] at uniform times, leader first; NaN samples are left out.
+        resamples: how many resamples make the intervals.
+        seed: of the resampling.
     """
     speeds = _rows(speeds)
     deviation = np.nanstd(speeds, axis=1)

@@ -28,7 +28,14 @@ _LANES = 160
 
 @dataclass
 class Problems:
-    """P problems: at, free (p, P) in the unit cube, observed (2, N, P or 1), starts (2, P) of each segment or None."""
+    """P least-squares problems side by side.
+
+    Attributes:
+        at: (p, P) where they start, in the unit cube.
+        free: (p, P) which quantities may move.
+        observed: (2, N, P or 1) gaps [m] and speeds [m/s] to be met.
+        starts: (2, P) initial gap and speed for each segment; the recorded ones if None.
+    """
 
     at: Array
     free: NDArray[np.bool_]
@@ -37,21 +44,28 @@ class Problems:
 
     @classmethod
     def to_record(cls, loop: Loop, at: Array) -> Problems:
-        """From points (p, P), all quantities free, to the record of the loop."""
+        """Problems that start at points (p, P), all quantities free, and are to meet the record of the loop."""
         return cls(at, np.ones(at.shape, bool), loop.observed[:, :, None])
 
     def part(self, chosen: slice) -> Problems:
-        """Some of them."""
+        """The problems of a slice."""
         observed = self.observed if self.observed.shape[2] == 1 else self.observed[:, :, chosen]
         starts = None if self.starts is None else [s[:, chosen] for s in self.starts]
         return Problems(self.at[:, chosen], self.free[:, chosen], observed, starts)
 
 
 def polish(loop: Loop, problems: Problems, rounds: int = 12) -> tuple[Array, Array]:
-    """Points (p, P) of the unit cube near the least objective, and the objectives (P,) there.
+    """Points of the unit cube near the least objective of each problem, never worse than where it starts.
 
-    Never worse than at the start. For "gap+speed", a sum of two roots, the two sums of squares are weighted anew in
-    every round.
+    For "gap+speed", a sum of two roots, the two sums of squares are weighted anew in every round.
+
+    Args:
+        loop: the closed loop of candidates behind the recording.
+        problems: where to start, what may move and what is to be met.
+        rounds: most steps of the Levenberg-Marquardt method.
+
+    Returns:
+        The points (p, P), and the objectives (P,) there.
     """
     width = max(1, _LANES // (problems.at.shape[0] + 1))
     parts = [slice(i, i + width) for i in range(0, problems.at.shape[1], width)]

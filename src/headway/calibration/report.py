@@ -15,13 +15,13 @@ __all__ = ["fit_html", "quantity_unit", "report"]
 
 
 def quantity_unit(fit: Fit, name: str) -> str:
-    """Unit of a fitted quantity."""
+    """Unit of the fitted quantity `name`."""
     parameter = fit.vehicle.model.law.parameters.get(name)
     return "s" if parameter is None else parameter.info.unit
 
 
 def report(fit: Fit) -> str:
-    """The whole report, lines of at most about 110 characters."""
+    """The whole report of a fit, in lines of at most about 110 characters."""
     law = fit.vehicle.model.law
     sources = dict.fromkeys(s.source for s in fit.segments)
     stretches = ", ".join(f"{s.begin:g} to {s.begin + s.duration:g} s" for s in fit.segments)
@@ -91,7 +91,7 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def fit_html(fit: Fit) -> str:
-    """Values with intervals and what the record says of each, errors in train and test, notes."""
+    """A fit as HTML tables: values with intervals, what the record says of each, errors in train and test, notes."""
     law = fit.vehicle.model.law
     quantities = []
     for i, (name, x) in enumerate(fit.values.items()):

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.data.checks import MISMATCH, check
 from headway.data.recording import Recording
 from headway.errors import HeadwayError
@@ -17,7 +17,6 @@ from headway.scenario.recorded import Recorded
 
 __all__ = ["LONGEST_STEP", "Segment", "Window", "cut"]
 
-Array = NDArray[np.float64]
 
 #: (start, end) [s] in a recording's own time
 Window = tuple[float, float]
@@ -39,8 +38,18 @@ _LEAST_MOTION = 0.5
 class Segment:
     """A stretch behind one vehicle ahead. n samples, m steps a sample; times from 0.
 
-    gap, speed: (n,) of the follower, NaN where missing. lead: (5, (n-1) m + 1) position, speed and acceleration of the
-    vehicle ahead and speed and acceleration of the platoon's first, at the steps. begin [s]: in the recording's time.
+    Attributes:
+        source: the recording.
+        vehicle: number of the follower.
+        begin: its start in the recording's time [s].
+        step: from sample to sample [s].
+        every: m, steps of the loop from sample to sample.
+        gap: (n,) [m] of the follower, NaN where missing.
+        speed: (n,) [m/s] of the follower, NaN where missing.
+        lead: (5, (n-1) m + 1) position, speed and acceleration of the vehicle ahead, and speed and acceleration of the
+            platoon's first, at the steps.
+        ahead: (n,) recorded speed of the vehicle ahead [m/s].
+        length: length of the vehicle ahead [m].
     """
 
     source: str
@@ -68,13 +77,24 @@ class Segment:
 def cut(
     recording: Recording, vehicle: int, windows: Sequence[Window] = (), testing: bool = False
 ) -> tuple[list[Segment], list[str]]:
-    """Segments behind the vehicle ahead of `vehicle` within `windows` (all of it if none), and notes on what was found.
-
-    What is needed to tell parameters apart is not asked of segments for `testing`.
+    """The stretches of a recording behind which a follower can be driven, and notes on the rest.
 
     Cut where the speed ahead is missing or the gap jumps to another leader; holes in the follower's own record stay
-    NaN. Raises HeadwayError, with what can still be done, for a vehicle that is not there, times that do not rise,
-    gaps that are not positive, a confused unit, too little left, or a leader without motion.
+    NaN.
+
+    Args:
+        recording: the recorded platoon.
+        vehicle: number of the follower, from 1.
+        windows: (start, end) [s of the recording]; all of it if there are none.
+        testing: whether the stretches are only tested on; else they must be long and lively enough to tell parameters
+            apart.
+
+    Returns:
+        The segments, and notes in sentences.
+
+    Raises:
+        HeadwayError: with what can still be done, for a vehicle that is not there, times that do not rise, gaps that
+            are not positive, a confused unit, too little left, or a leader without motion.
     """
     place = recording.source
     if isinstance(vehicle, bool) or not isinstance(vehicle, int | np.integer) or not 1 <= vehicle < recording.vehicles:
@@ -130,7 +150,7 @@ def _usable(recording: Recording, vehicle: int, notes: list[str]) -> Recording:
 
 
 def _agreement(record: Recording, vehicle: int, notes: list[str]) -> None:
-    """Say where gap and speeds tell different stories, and how good a gap error can then be."""
+    """Note where gap and speeds tell different stories, and how good a gap error can then be."""
     relative = record.speed[vehicle - 1] - record.speed[vehicle]
     step = np.diff(record.time)
     off = np.diff(record.gap[vehicle]) - step * (relative[1:] + relative[:-1]) / 2

@@ -29,7 +29,14 @@ _WIDE = 100.0
 
 @dataclass(frozen=True)
 class Space:
-    """p quantities of `vehicle` between `low` and `high`; candidates are points of the unit cube."""
+    """The p quantities of a vehicle that are fitted, between bounds; candidates are points of the unit cube.
+
+    Attributes:
+        vehicle: the vehicle, whose other values stay.
+        names: (p,) names of the quantities.
+        low: (p,) lower bounds, SI.
+        high: (p,) upper bounds, SI.
+    """
 
     vehicle: Vehicle
     names: tuple[str, ...]
@@ -43,9 +50,15 @@ class Space:
         fit: Sequence[str] | None = None,
         bounds: Mapping[str, tuple[float, float]] | None = None,
     ) -> Space:
-        """The quantities `fit` of a law, bounded as it annotates them; if None all but structural ones, and the delay.
+        """The fitted quantities of a law, bounded as it annotates them.
 
-        Raises HeadwayError for a name that is not there, twice or unbounded, and for bounds outside the law's.
+        Args:
+            model: a law, a model or a vehicle.
+            fit: names of the quantities; if None all parameters but structural ones, and the delay.
+            bounds: name → (low, high) [SI] instead of the law's own.
+
+        Raises:
+            HeadwayError: for a name that is not there, twice or unbounded, and for bounds outside the law's.
         """
         car = model if isinstance(model, Vehicle) else Vehicle(model)
         law: Law = car.model.law

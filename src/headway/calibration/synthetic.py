@@ -1,4 +1,4 @@
-"""Simulated runs as recordings with measurement noise: data whose parameters are known."""
+"""Simulated runs as recordings with measurement noise: data whose parameters are set."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.checked import typed
 from headway.data.recording import Recording
 from headway.errors import HeadwayError
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["as_recorded"]
-
-Array = NDArray[np.float64]
 
 
 @typed
@@ -29,12 +27,20 @@ def as_recorded(
     seed: int = 0,
     leader: bool = True,
 ) -> Recording:
-    """The trajectories of `run` (of `headway.simulate`, uniform times) as if they had been measured.
+    """The trajectories of a simulated run as if they had been measured.
 
-    gap_noise [m], speed_noise [m/s]: standard deviations of Gaussian noise on every gap and speed;
-    on the leader's speed only if `leader`.
-    correlation [s]: its e-folding time, that of a filter in the sensor; 0 makes it white. Positions are rebuilt
-    from the noisy gaps. HeadwayError for negative numbers and for a run with a collision.
+    Positions are rebuilt from the noisy gaps.
+
+    Args:
+        run: dataset of `headway.simulate`, at uniform times.
+        gap_noise: standard deviation of Gaussian noise on every gap [m] >= 0.
+        speed_noise: standard deviation of Gaussian noise on every speed [m/s] >= 0.
+        correlation: e-folding time of the noise [s] >= 0, that of a filter in the sensor; 0 makes it white.
+        seed: of the noise.
+        leader: whether the leader's speed has noise too.
+
+    Raises:
+        HeadwayError: for negative numbers and for a run with a collision.
     """
     for name, x in (("gap_noise", gap_noise), ("speed_noise", speed_noise), ("correlation", correlation)):
         if not (math.isfinite(x) and x >= 0):

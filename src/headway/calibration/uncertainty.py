@@ -6,15 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.calibration.loop import Loop
 from headway.calibration.polish import Problems, polish
 from headway.data.recording import start_of
 
 __all__ = ["Profile", "block_length", "bootstrap", "effective_samples", "profiles", "resampled"]
 
-Array = NDArray[np.float64]
 
 #: points of a profile, and the χ² with one degree of freedom that 95 % of draws stay below
 _POINTS, _CHI2 = 15, 3.841
@@ -25,7 +24,15 @@ _AT_BOUND = 2e-3
 
 @dataclass(frozen=True)
 class Profile:
-    """The least objective with one quantity held, the others fitted anew. `limit`: what 95 % confidence allows."""
+    """The least objective with one quantity held, the others fitted anew.
+
+    Attributes:
+        name: the quantity that is held.
+        values: its values, SI.
+        objective: the least objective [1] at each.
+        limit: the objective that 95 % confidence allows.
+        words: what the profile says of the quantity.
+    """
 
     name: str
     values: Array
@@ -81,7 +88,17 @@ def _autocorrelation(residual: Array) -> tuple[Array, float]:
 
 
 def resampled(residual: Array, length: int, count: int, random: np.random.Generator) -> Array:
-    """Circular blocks of `residual` (2, n), centred, put side by side at random: (2, n, count). NaN counts as none."""
+    """Circular blocks of a residual, centred, put side by side at random.
+
+    Args:
+        residual: (2, n) errors of gap and speed; NaN counts as none.
+        length: samples of a block.
+        count: how many resamples.
+        random: the stream they are drawn from.
+
+    Returns:
+        (2, n, count).
+    """
     n = residual.shape[1]
     centred = np.nan_to_num(residual - np.nanmean(residual, axis=1, keepdims=True))
     starts = random.integers(0, n, (math.ceil(n / length), count))
@@ -90,9 +107,18 @@ def resampled(residual: Array, length: int, count: int, random: np.random.Genera
 
 
 def bootstrap(loop: Loop, best: Array, count: int, seed: int) -> tuple[Array, float]:
-    """Refits (p, count) in the unit cube to the best trajectory with resampled residuals, and the blocks' seconds.
+    """Refits to the best trajectory with resampled residuals.
 
-    The initial state is taken from each made record as it was from the real one, so its uncertainty is included.
+    The initial state is taken from each resampled record as it was from the real one, so its uncertainty is included.
+
+    Args:
+        loop: the closed loop of candidates behind the recording.
+        best: (p,) the best candidate, in the unit cube.
+        count: how many refits.
+        seed: of the resampling.
+
+    Returns:
+        Refits (p, count) in the unit cube, and the length of the blocks [s].
     """
     path = loop.paths(best[:, None])[0][:, :, 0]
     residual = np.where(loop.valid, loop.observed - path, np.nan)
@@ -111,7 +137,14 @@ def bootstrap(loop: Loop, best: Array, count: int, seed: int) -> tuple[Array, fl
 
 
 def profiles(loop: Loop, best: Array, value: float, refits: Array) -> tuple[Profile, ...]:
-    """The profile of each quantity over its bounds, denser where the refits (p, R) lie."""
+    """The profile of each quantity over its bounds, denser where the refits lie.
+
+    Args:
+        loop: the closed loop of candidates behind the recording.
+        best: (p,) the best candidate, in the unit cube.
+        value: its objective [1].
+        refits: (p, R) refits of the bootstrap, in the unit cube.
+    """
     p = best.size
     path = loop.paths(best[:, None])[0][:, :, 0]
     residual = (loop.observed - path)[0, loop.valid[0]]
@@ -150,7 +183,7 @@ def _grid(best: float, spread: float) -> Array:
 
 
 def _words(best: float, values: Array, curve: Array, limit: float) -> str:
-    """What the profile says."""
+    """What a profile says of its quantity, in words."""
     good = curve <= limit
     low, high = bool(good[0]), bool(good[-1])
     if low and high:

@@ -19,10 +19,17 @@ __all__ = ["StringVerdict", "theory_of", "verdict"]
 
 
 class StringVerdict(NamedTuple):
-    """Linear theory of a fitted vehicle at `speed` [m/s].
+    """Linear theory of a fitted vehicle at one speed, with the fit's uncertainty.
 
-    peak: sup |G| and `frequency` [rad/s] where it is, of the fit; low, high: 95 % interval of the peak over the refits;
-    unstable: share of the refits that are string unstable; without: share that has no equilibrium at this speed.
+    Attributes:
+        speed: the speed [m/s].
+        peak: sup |G| of the fit [1].
+        frequency: where it is [rad/s].
+        low: lower end of the 95 % interval of the peak over the refits.
+        high: upper end.
+        unstable: share of the refits that are string unstable, 0 to 1.
+        without: share of the refits that have no equilibrium at this speed, 0 to 1.
+        stable: whether the fit itself is string stable.
     """
 
     speed: float
@@ -46,9 +53,14 @@ class StringVerdict(NamedTuple):
 
 
 def theory_of(fit: Fit, car: Vehicle, speed: float) -> Linear | None:
-    """Linear theory of a vehicle of `fit` at `speed`, None where it has none.
+    """Linear theory of a vehicle of a fit, None where it has none.
 
     A law that rests at every gap (GMM) is looked at with the mean recorded gap.
+
+    Args:
+        fit: the fit that the vehicle belongs to.
+        car: its vehicle, or one of its draws.
+        speed: [m/s].
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HeadwayWarning)
@@ -60,10 +72,15 @@ def theory_of(fit: Fit, car: Vehicle, speed: float) -> Linear | None:
 
 @typed
 def verdict(fit: Fit, speed: float | None = None) -> StringVerdict:
-    """The string-stability verdict of a fitted vehicle at `speed` [m/s], the mean of its training if None.
+    """The string-stability verdict of a fitted vehicle.
 
-    Raises HeadwayError where the fitted law has no equilibrium at that speed, LeaderHeardError where it hears the
-    platoon leader.
+    Args:
+        fit: the fit.
+        speed: [m/s]; the mean recorded speed of its training if None.
+
+    Raises:
+        HeadwayError: where the fitted law has no equilibrium at that speed.
+        LeaderHeardError: where it hears the platoon leader.
     """
     from headway.theory import sweep
 

@@ -22,9 +22,22 @@ TIMEOUT = 30.0  # s without an answer
 
 @dataclass(frozen=True)
 class CatalogueEntry:
-    """One file. kind: `download` or `shipped`. file: its name on disk. address: its public address, "" if shipped.
+    """One file of the catalogue.
 
-    bytes and sha256 are of the file as published. format: for `read`. vehicles, seconds: None where not known.
+    Attributes:
+        name: what `fetch` calls it.
+        title: what it holds.
+        kind: `download` or `shipped`.
+        file: its name on disk.
+        format: its format for `read`.
+        provenance: who measured or published it.
+        licence: under what licence.
+        attribution: the sentence that names the authors.
+        address: its public address, "" if shipped.
+        bytes: size of the file as published.
+        sha256: SHA-256 of the file as published.
+        vehicles: number of vehicles, None where it is not stated.
+        seconds: length of the record [s], None where it is not stated.
     """
 
     name: str
@@ -164,7 +177,7 @@ _ENTRIES = (
 
 
 def catalogue() -> dict[str, CatalogueEntry]:
-    """All entries by name."""
+    """All entries of the catalogue by name."""
     return {entry.name: entry for entry in _ENTRIES}
 
 
@@ -172,11 +185,18 @@ def catalogue() -> dict[str, CatalogueEntry]:
 def fetch(name: str, *, base_url: str | None = None, directory: str | Path | None = None) -> Path:
     """The path of a file of the catalogue, downloaded once and verified by SHA-256 each time.
 
-    base_url (or the environment's HEADWAY_DATA_URL): a mirror that holds the files under their names (`Entry.file`).
-    directory (or HEADWAY_DATA_DIR): where to keep them; otherwise the user's cache. A shipped file is answered with
-    its place in the package, or copied to a `directory` that is given.
-    HeadwayError for an unknown name, no connection, an answer other than the file, a wrong SHA-256, or a directory
-    that cannot be written; none of them leaves anything behind.
+    Args:
+        name: a key of `catalogue()`.
+        base_url: a mirror that holds the files under their names (`CatalogueEntry.file`); the environment's
+            HEADWAY_DATA_URL, then the public address, if None.
+        directory: where to put files; HEADWAY_DATA_DIR, then the user's cache, if None.
+
+    Returns:
+        The path; of a shipped file its place in the package, or its copy in `directory`.
+
+    Raises:
+        HeadwayError: for an unknown name, no connection, an answer other than the file, a wrong SHA-256, or a directory
+            that cannot be written; none of them leaves anything behind.
     """
     entries = catalogue()
     if name not in entries:

@@ -20,10 +20,14 @@ DRIFT = 2.0  # m between the gap and the integrated speed difference
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing found. vehicle: 0 is the leader, None concerns all. time [s]: where it first shows, or None.
+    """One thing to know before trusting a recording.
 
-    kind: time-order, time-step, missing, gap, speed, gap-speed, position-speed, units, motion. severity: `error`
-    (the numbers cannot be right), `warning` (look before use) or `info`.
+    Attributes:
+        kind: time-order, time-step, missing, gap, speed, gap-speed, position-speed, units or motion.
+        vehicle: number of the vehicle, 0 is the leader; None concerns all.
+        time: where it first shows [s], or None.
+        message: the finding in a sentence.
+        severity: `error` (the numbers cannot be right), `warning` (look before use) or `info`.
     """
 
     kind: str
@@ -39,6 +43,9 @@ def check(recording: Recording) -> tuple[Finding, ...]:
 
     Every follower gets one `gap-speed` finding with the r.m.s. mismatch [m/s] of d gap/dt against v[n-1] - v[n] and
     the drift of the integrated difference [m] over the record.
+
+    Args:
+        recording: the recording, which is not changed.
     """
     order = _time_order(recording)
     if order:  # rates and integrals mean nothing over times that go back
@@ -118,7 +125,7 @@ def _gap_against_speed(recording: Recording) -> Iterator[Finding]:
 
 
 def _units(recording: Recording, n: int, change: Floats, expected: Floats) -> Iterator[Finding]:
-    """A gap that changes in step with the speeds, but at another scale, has another unit."""
+    """A finding where a gap changes in step with the speeds, but at another scale, as in another unit."""
     power = float(expected @ expected)
     size = float(change @ change)
     if power < 1e-12 or size < 1e-12:
@@ -165,14 +172,14 @@ def _motion(recording: Recording) -> Iterator[Finding]:
 
 
 def _increments(time: Floats, value: Floats, rate: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Change of `value` over each step, what the trapezoid of `rate` makes of it, and where both are known."""
+    """Change of `value` over each step, the trapezoid of `rate`, and where both are finite."""
     change = np.diff(value)
     expected = np.diff(time) * (rate[1:] + rate[:-1]) / 2
     return change, expected, np.isfinite(change) & np.isfinite(expected)
 
 
 def _mismatch(time: Floats, change: Floats, expected: Floats, good: NDArray[np.bool_]) -> tuple[float, Floats]:
-    """r.m.s. difference of the rates, and the difference accumulated over the known steps."""
+    """r.m.s. difference of the rates, and the difference accumulated over the steps where both are finite."""
     off = (change - expected)[good]
     return float(np.sqrt(np.mean((off / np.diff(time)[good]) ** 2))), np.cumsum(off)
 

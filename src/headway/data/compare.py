@@ -30,14 +30,24 @@ _MEANINGS = {
 
 @typed
 def compare(simulated: xr.Dataset, recording: Recording) -> xr.Dataset:
-    """Errors of each follower, simulated minus recorded, over the time that both cover: a Dataset along `vehicle`.
+    """Errors of each follower, simulated minus recorded, over the time that both cover.
 
-    `simulated` has `speed` and `gap` with dims vehicle and time (vehicle 0 the leader); its values are interpolated
-    linearly at the recorded times. Missing recorded samples are left out and counted. A follower whose simulated
-    values end (a collision) has NaN errors: an error over the part before it would flatter.
-    `nrmse_gap` = sqrt(mean e²)/sqrt(mean s_recorded²). The attribute `leader_rms_speed_error` [m/s] tells whether
-    both have the same leader at the same times. Times are compared as they are (`Recording.from_zero` moves them).
-    HeadwayError where variables are missing, the numbers of vehicles differ or there is no common time.
+    Missing recorded samples are left out and counted. A follower whose simulated values end (a collision) has NaN
+    errors: an error over the part before it would flatter. Times are compared as they are
+    (`Recording.from_zero` moves them).
+
+    Args:
+        simulated: dataset with `speed` and `gap` along vehicle and time (vehicle 0 the leader); its values are
+            interpolated linearly at the recorded times.
+        recording: the recorded platoon, of as many vehicles.
+
+    Returns:
+        A dataset along `vehicle`; `nrmse_gap` = sqrt(mean e²)/sqrt(mean s_recorded²). The attribute
+        `leader_rms_speed_error` [m/s] tells whether both have the same leader at the same times.
+
+    Raises:
+        HeadwayError: where variables are missing, the numbers of vehicles differ or there is no common time.
+
     Source: Punzo and Montanino, Transp. Res. B 91 (2016) 21-33, doi:10.1016/j.trb.2016.04.012.
     """
     import xarray as xr
@@ -100,7 +110,7 @@ def _simulated(simulated: xr.Dataset, recording: Recording) -> tuple[Floats, Flo
 
 
 def _errors(simulated: Floats, recorded: Floats) -> tuple[float, float, float, int]:
-    """r.m.s. and largest error, r.m.s. error over r.m.s. recorded, and how many recorded values are missing."""
+    """r.m.s. and largest error, r.m.s. error over r.m.s. recorded, and the number of missing recorded values."""
     valid = np.isfinite(recorded)
     missing = int((~valid).sum())
     if not valid.any():

@@ -75,13 +75,18 @@ def read(
 ) -> Recording:
     """The recording in a file; times [s] as in the file, speeds [m/s], gaps [m] bumper to bumper.
 
-    format: one of `FORMATS`; None looks at the file. columns: for `tidy`, the file's name of each of time, vehicle,
-    speed, gap, position. units: of time, speed, gap, position where they are not SI, such as {"speed": "km/h"}.
-    length [m]: one for all or one per vehicle, leader first, where the file has none (NGSIM has). vehicle,
-    followers: for `ngsim`, the id of the last follower, and at most how many followers up to it.
-    Raises HeadwayError, one sentence, for a file that is missing, unreadable, empty, binary, unsorted or of an
-    unknown format; for a column or unit that is not there; for a cell that is no number; for numbers that look like
-    another unit.
+    Args:
+        path: the file.
+        format: one of `FORMATS`; None looks at the file.
+        columns: for `tidy`, the file's name of each of time, vehicle, speed, gap, position.
+        units: of time, speed, gap, position where they are not SI, such as {"speed": "km/h"}.
+        length: length of vehicles [m] > 0, one for all or one each, leader first, where the file has none (NGSIM has).
+        vehicle: for `ngsim`, the id of the last follower.
+        followers: for `ngsim`, at most how many followers up to it.
+
+    Raises:
+        HeadwayError: for a file that is missing, unreadable, empty, binary, unsorted or of an unknown format; for a
+            column or unit that is not there; for a cell that is no number; for numbers that look like another unit.
     """
     if format is not None and format not in FORMATS:
         raise unknown_name("format", format, FORMATS)

@@ -33,9 +33,18 @@ _MOST_SAMPLES = 50_000_000  # a mistyped step must end in a sentence, not in a f
 class Recording:
     """Trajectories of V vehicles at T times; row 0 is the leader. Arrays are read-only.
 
-    time: (T,) s. speed: (V, T) m/s. gap: (V, T) m, bumper to bumper to the vehicle ahead, on the follower's
-    row; row 0 is NaN. position: (V, T) m, front bumpers. names, lengths [m]: one per vehicle. source: where
-    it was read from. notes: sentences on what was assumed or done. Raises HeadwayError where shapes disagree.
+    Attributes:
+        time: (T,) [s].
+        speed: (V, T) [m/s].
+        gap: (V, T) [m], bumper to bumper to the vehicle ahead, on the follower's row; row 0 is NaN.
+        position: (V, T) [m], front bumpers.
+        names: one for each vehicle.
+        lengths: length of each vehicle [m] > 0.
+        source: where it was read from.
+        notes: sentences on what was assumed or done.
+
+    Raises:
+        HeadwayError: where shapes disagree, or there are fewer than two finite times.
     """
 
     time: Floats
@@ -83,10 +92,22 @@ class Recording:
     ) -> Recording:
         """The recording whose positions are rebuilt from gaps.
 
-        The leader's position is `leader_position` (T,) where given, otherwise its own speed integrated by the
-        trapezoidal rule from 0. Followers: x[n] = x[n-1] - length[n-1] - gap[n]. Two measured speeds are never
-        integrated against one another: they drift from the measured gap by many metres. A NaN gap leaves that
-        vehicle and all behind it without a position at that time; a NaN leader speed, from then on.
+        Followers: x[n] = x[n-1] - length[n-1] - gap[n]. Two measured speeds are never integrated against one another:
+        they drift from the measured gap by many metres. A NaN gap leaves that vehicle and all behind it without a
+        position at that time; a NaN leader speed, from then on.
+
+        Args:
+            time: (T,) [s].
+            speed: (V, T) [m/s].
+            gap: (V, T) [m]; row 0 is NaN.
+            leader_position: (T,) [m]; the leader's speed integrated by the trapezoidal rule from 0 if None.
+            names: one for each vehicle; `vehicle 0`, `vehicle 1`, … if None.
+            lengths: length of vehicles [m] > 0, one for all or one each.
+            source: where it comes from, for messages.
+            notes: sentences on what was assumed or done.
+
+        Raises:
+            HeadwayError: where shapes disagree, or a length is not positive.
         """
         speed = np.asarray(speed, dtype=np.float64)
         vehicles = speed.shape[0]
@@ -109,7 +130,15 @@ class Recording:
         return float(self.time[-1] - self.time[0])
 
     def between(self, start: float, end: float) -> Recording:
-        """The samples with start <= time <= end [s, as in `time`]; HeadwayError where fewer than two remain."""
+        """The samples with start <= time <= end.
+
+        Args:
+            start: first time [s, as in `time`].
+            end: last time [s], later than `start`.
+
+        Raises:
+            HeadwayError: where fewer than two samples remain.
+        """
         inside = (self.time >= start) & (self.time <= end)
         if not start < end or inside.sum() < 2:
             raise HeadwayError(
@@ -122,17 +151,23 @@ class Recording:
         return replace(self, **cut, notes=(*self.notes, f"Cut to {start:g} to {end:g} s."))
 
     def from_zero(self) -> Recording:
-        """The same recording with its first sample at time 0, as simulations start."""
+        """The recording moved so that its first sample is at time 0, as simulations start."""
         start = float(self.time[0])
         if start == 0.0:
             return self
         return replace(self, time=self.time - start, notes=(*self.notes, f"Times moved by {-start:g} s to start at 0."))
 
     def resampled(self, step: float) -> Recording:
-        """The recording at a uniform `step` [s] from its first time on, by linear interpolation (said in `notes`).
+        """The recording at uniform steps from its first time on, by linear interpolation (said in `notes`).
 
-        A NaN sample leaves NaN in both intervals that touch it. HeadwayError for a step that is not positive, is
-        longer than the recording or makes more than fifty million samples, and where times do not rise.
+        A NaN sample leaves NaN in both intervals that touch it.
+
+        Args:
+            step: the step [s] > 0.
+
+        Raises:
+            HeadwayError: for a step that is not positive, is longer than the recording or makes more than fifty million
+                samples, and where times do not rise.
         """
         if not (math.isfinite(step) and 0.0 < step <= self.duration and self.duration / step < _MOST_SAMPLES):
             raise HeadwayError(
@@ -193,7 +228,16 @@ class Recording:
 
 
 def vehicle_lengths(lengths: float | Sequence[float], vehicles: int, source: str) -> tuple[float, ...]:
-    """One finite positive length [m] per vehicle, from one number or one per vehicle."""
+    """One finite positive length [m] for each vehicle.
+
+    Args:
+        lengths: one length [m] for all, or one each.
+        vehicles: number of vehicles.
+        source: where it comes from, for messages.
+
+    Raises:
+        HeadwayError: for another count, and for lengths that are not finite positive numbers.
+    """
     try:
         sizes = np.atleast_1d(np.asarray(lengths, dtype=np.float64))
     except (TypeError, ValueError):
@@ -209,7 +253,15 @@ def vehicle_lengths(lengths: float | Sequence[float], vehicles: int, source: str
 
 
 def start_of(gap: Floats, speed: Floats) -> Floats:
-    """Initial gap [m] and speed [m/s] (2, …) of records (…, n): their first samples that are not missing."""
+    """Initial gap and speed of records: their first samples that are not missing.
+
+    Args:
+        gap: (…, n) [m].
+        speed: (…, n) [m/s].
+
+    Returns:
+        (2, …).
+    """
     both = np.stack((gap, speed))
     first = np.argmax(np.isfinite(both), axis=-1)[..., None]
     start: Floats = np.take_along_axis(both, first, axis=-1)[..., 0]
@@ -223,7 +275,7 @@ def _integral(time: Floats, speed: Floats) -> Floats:
 
 
 def _snapped(grid: Floats, time: Floats, tolerance: float) -> Floats:
-    """`grid` with points that differ from a recorded time by rounding only moved onto it.
+    """The points of `grid`, those within `tolerance` of a recorded time moved onto it.
 
     Without it a sample beside a NaN would be lost because 3 * 0.1 is not 0.3.
     """

@@ -40,7 +40,15 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
 
 
 def checked_units(units: Mapping[str, str] | None, allowed: Iterable[str]) -> dict[str, str]:
-    """`units` with every quantity among `allowed` and every unit known; HeadwayError otherwise."""
+    """The units of quantities, each quantity allowed and each unit understood.
+
+    Args:
+        units: quantity → unit, such as {"speed": "km/h"}; None counts as empty.
+        allowed: quantities that may have one.
+
+    Raises:
+        HeadwayError: for another quantity, and for a unit that is not in `UNITS`.
+    """
     units = dict(units or {})
     for quantity, unit in units.items():
         if quantity not in allowed:
@@ -51,14 +59,20 @@ def checked_units(units: Mapping[str, str] | None, allowed: Iterable[str]) -> di
 
 
 def to_si(values: Floats, quantity: str, unit: str) -> Floats:
-    """`values` of a quantity in `unit`, in SI."""
+    """Values of a quantity (a key of `UNITS`) in one of its units, converted to SI."""
     times, over = UNITS[quantity][unit]
     return values * times / over if over != 1.0 else values * times
 
 
 @dataclass(frozen=True)
 class Head:
-    """The first lines of a file, and whether it is Parquet (then its column names are the one line)."""
+    """The first lines of a file, and whether it is Parquet.
+
+    Attributes:
+        path: the file.
+        lines: its first lines, without line ends; empty for Parquet.
+        parquet: whether it is a Parquet file.
+    """
 
     path: Path
     lines: tuple[str, ...]
@@ -88,7 +102,15 @@ def is_hdf(path: str | os.PathLike[str]) -> bool:
 
 
 def read_head(path: str | os.PathLike[str], lines: int = 12) -> Head:
-    """The head of a file; HeadwayError where it is missing, unreadable, empty or not text."""
+    """The head of a file.
+
+    Args:
+        path: the file.
+        lines: at most how many lines.
+
+    Raises:
+        HeadwayError: where it is missing, unreadable, empty or not text.
+    """
     path = as_path(path, "file")
     try:
         with path.open("rb") as stream:
@@ -132,8 +154,15 @@ def read_parquet(head: Head) -> pd.DataFrame:
 def read_csv(head: Head, *, header: int | None = 0, names: list[str] | None = None) -> pd.DataFrame:
     """A text table as a frame whose index is the line number in the file.
 
-    `header` is the line (from 0) that holds the column names; None: there is none, columns are `names` and cells
-    are separated by blanks. Columns keep the type that pandas finds; `number_column` complains about words in them.
+    Columns keep the type that pandas gives them; `number_column` complains about words in them.
+
+    Args:
+        head: the head of the file.
+        header: the line (from 0) that holds the column names; None: there is none, and cells are separated by blanks.
+        names: column names where the file has none.
+
+    Raises:
+        HeadwayError: for a column named twice, rows that do not fit, text that is not UTF-8, and no rows.
     """
     import pandas as pd
 
@@ -179,14 +208,23 @@ def _first_line(error: object) -> str:
 
 
 def need_columns(frame: pd.DataFrame, columns: Iterable[str], place: str) -> None:
-    """HeadwayError naming the first of `columns` that the frame lacks, and the nearest that it has."""
+    """Refuse a frame that lacks one of the columns.
+
+    Args:
+        frame: the table.
+        columns: names that it needs.
+        place: the name of the file in messages.
+
+    Raises:
+        HeadwayError: naming the first that is missing, and the nearest that is there.
+    """
     for column in columns:
         if column not in frame.columns:
             raise no_column(f"{place}: there is no column {column!r}", column, frame)
 
 
 def no_column(complaint: str, column: str, frame: pd.DataFrame) -> HeadwayError:
-    """The error for a column that is not in the frame; files with many columns are told in part."""
+    """The error for a column that is not in the frame; of a file with many columns it names a part."""
     has = shorten(", ".join(map(str, frame.columns)), 100)
     return HeadwayError(f"{complaint}; the file has {has}{did_you_mean(column, frame.columns)}")
 
@@ -194,8 +232,15 @@ def no_column(complaint: str, column: str, frame: pd.DataFrame) -> HeadwayError:
 def number_column(frame: pd.DataFrame, column: str, place: str, *, missing: bool = True) -> Floats:
     """A column as float64, NaN where a cell is empty.
 
-    HeadwayError naming line and column for a cell that is no number or infinite, and for an empty one where
-    `missing` is false.
+    Args:
+        frame: the table; its index is the line number in the file.
+        column: name of the column.
+        place: the name of the file in messages.
+        missing: whether cells may be empty.
+
+    Raises:
+        HeadwayError: naming line and column of a cell that is no number, infinite or beyond any sensible size, and of
+            an empty one where `missing` is false.
     """
     import pandas as pd
 
@@ -243,7 +288,17 @@ def _cell(frame: pd.DataFrame, column: str, wrong: NDArray[np.bool_], place: str
 
 
 def need_rising(time: Floats, lines: NDArray[Any], place: str, who: str = "") -> None:
-    """HeadwayError naming the line where a time repeats or goes back."""
+    """Refuse times that repeat or go back.
+
+    Args:
+        time: (T,) [s].
+        lines: line numbers (T,) in the file.
+        place: the name of the file in messages.
+        who: whose times they are, for messages.
+
+    Raises:
+        HeadwayError: naming the first such line.
+    """
     step = np.diff(time)
     if (step > 0).all():
         return
@@ -253,9 +308,18 @@ def need_rising(time: Floats, lines: NDArray[Any], place: str, who: str = "") ->
 
 
 def need_plausible(time: Floats, speed: Floats, stated: Mapping[str, str], place: str) -> None:
-    """HeadwayError where numbers look like another unit; a unit stated by the user is believed.
+    """Refuse numbers that look like another unit; a unit stated by the user is believed.
 
     Speeds above 70 m/s (252 km/h) look like km/h, and steps of 10 s or more look like milliseconds.
+
+    Args:
+        time: (T,) [s].
+        speed: (V, T) [m/s].
+        stated: quantity → unit, as stated by the user.
+        place: the name of the file in messages.
+
+    Raises:
+        HeadwayError: for such numbers, and where there is no speed at all.
     """
     if np.isnan(speed).all():
         raise HeadwayError(f"{place}: there is no speed in any row")

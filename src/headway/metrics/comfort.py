@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from headway.arrays import Array
 from headway.errors import HeadwayError
 from headway.metrics.extremes import peak_of, rms_of
-from headway.metrics.inputs import Array, Signals, positive
+from headway.metrics.inputs import Signals, positive
 from headway.metrics.reduction import FORMS, SQUARE
 from headway.metrics.registry import Reduced, metric
 
@@ -31,7 +32,14 @@ __all__ = ["jerk", "jerk_share", "peak_jerk", "rms_acceleration", "rms_jerk"]
     per="time",
 )
 def jerk(dataset: xr.Dataset) -> xr.DataArray:
-    """Jerk [m/s³], (vehicle, time), positive as the acceleration rises; NaN beside and after a collision."""
+    """Jerk [m/s³] over time, positive as the acceleration rises.
+
+    Args:
+        dataset: trajectories of a run, with `acceleration`, or a `Recording`.
+
+    Returns:
+        Values along vehicle and time; NaN beside and after a collision.
+    """
     signals, values = _jerk(dataset, "jerk")
     return signals.series(values)
 
@@ -43,7 +51,11 @@ def jerk(dataset: xr.Dataset) -> xr.DataArray:
     says="how rough the ride is",
 )
 def rms_jerk(dataset: xr.Dataset) -> xr.DataArray:
-    """Root of the mean square jerk over time [m/s³] >= 0, until a collision."""
+    """Root of the mean square jerk over time [m/s³] >= 0, until a collision.
+
+    Args:
+        dataset: trajectories of a run, with `acceleration`, or a `Recording`.
+    """
     signals, values = _jerk(dataset, "rms_jerk")
     return signals.result(rms_of(signals.time, values))
 
@@ -55,7 +67,11 @@ def rms_jerk(dataset: xr.Dataset) -> xr.DataArray:
     says="the roughest moment",
 )
 def peak_jerk(dataset: xr.Dataset) -> xr.DataArray:
-    """Largest magnitude of jerk [m/s³] >= 0, refined between samples, until a collision."""
+    """Largest magnitude of jerk [m/s³] >= 0, refined between samples, until a collision.
+
+    Args:
+        dataset: trajectories of a run, with `acceleration`, or a `Recording`.
+    """
     signals, values = _jerk(dataset, "peak_jerk")
     return signals.result(peak_of(signals.time, values))
 
@@ -68,7 +84,14 @@ def peak_jerk(dataset: xr.Dataset) -> xr.DataArray:
     threshold="2 m/s³",
 )
 def jerk_share(dataset: xr.Dataset, limit: float = 2.0) -> xr.DataArray:
-    """Share of the time [1], 0 to 1, in which |jerk| > `limit` [m/s³]; crossings are found between samples."""
+    """Share of the time [1], 0 to 1, in which the magnitude of jerk exceeds a limit.
+
+    Crossings of the limit are located between samples.
+
+    Args:
+        dataset: trajectories of a run, with `acceleration`, or a `Recording`.
+        limit: magnitude of jerk [m/s³] > 0.
+    """
     signals, values = _jerk(dataset, "jerk_share")
     positive("jerk_share", limit=limit)
     step = np.diff(signals.time)
@@ -93,6 +116,9 @@ def rms_acceleration(dataset: xr.Dataset) -> xr.DataArray:
 
     Unweighted: the weighting of ISO 2631-1 for motion sickness and vibration needs 0.1 to 80 Hz of a vehicle body,
     which car following does not describe.
+
+    Args:
+        dataset: trajectories of a run, with `acceleration`, or a `Recording`.
     """
     signals = Signals(dataset, "rms_acceleration", "acceleration")
     return signals.result(rms_of(signals.time, signals["acceleration"]))
@@ -106,7 +132,7 @@ def _jerk(dataset: xr.Dataset, measure: str) -> tuple[Signals, Array]:
 
 
 def _part_above(values: Array) -> Array:
-    """The part of every interval between samples in which `values`, linear there, are positive; 0 where not known."""
+    """The part of every interval between samples in which `values`, linear there, are positive; 0 beside NaN."""
     y0, y1 = values[..., :-1], values[..., 1:]
     most, least = np.maximum(y0, y1), np.minimum(y0, y1)
     crossed = (most > 0) & (least < 0)

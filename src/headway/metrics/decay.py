@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from headway.arrays import Array
 from headway.errors import HeadwayError
 from headway.metrics.extremes import extreme_of, peak_of, refined
-from headway.metrics.inputs import Array, Reference, Signals, checked, positive
+from headway.metrics.inputs import Reference, Signals, checked, positive
 from headway.metrics.registry import metric
 from headway.sampling import trapezoid
 
@@ -32,14 +33,23 @@ _SAME = 1e-9
 def logarithmic_decrement(
     dataset: xr.Dataset, signal: str = "spacing_error", after: float | None = None, floor: float = 0.02
 ) -> xr.DataArray:
-    """Logarithm δ [1] of the ratio of successive peaks of `signal` after a disturbance; negative if they grow.
+    """Logarithm δ [1] of the ratio of successive peaks after a disturbance; negative if they grow.
 
     δ = -2 times the slope of ln |y_{j+1} - y_j| over j, by least squares over the swings between successive
-    extremes (refined between samples), from the largest on down to the share `floor` of it. Swings need no
+    extremes (refined between samples), from the largest swing down to the share `floor` of it. Swings need no
     rest value, and of a damped cosine they shrink by e^{-δ/2} exactly. The damping ratio is δ/sqrt(4π² + δ²).
 
-    after: when the disturbance is over [s]; the time from which the leader's speed stays the same if not
-    given. NaN where fewer than two swings are left (an aperiodic answer), and after a collision.
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable whose swings are measured.
+        after: when the disturbance is over [s]; the time from which the leader's speed stays constant if None.
+        floor: the least swing that counts, as a share of the largest, > 0.
+
+    Returns:
+        One value a vehicle; NaN where fewer than two swings are left (an aperiodic response), and after a collision.
+
+    Raises:
+        HeadwayError: if `after` is outside the record, or no follower has a whole record.
     """
     signals = Signals(dataset, "logarithmic_decrement", signal)
     positive("logarithmic_decrement", floor=floor)
@@ -64,11 +74,22 @@ def logarithmic_decrement(
 def settling_time(
     dataset: xr.Dataset, signal: str = "spacing_error", after: float | None = None, band: float = 0.05
 ) -> xr.DataArray:
-    """Time [s] >= 0 from the end of a disturbance until `signal` stays within a band around its last value.
+    """Time [s] >= 0 from the end of a disturbance until a signal stays near its last value.
 
-    The band is ± `band` times the largest deviation from the last value in the whole record; its last crossing is
-    found between samples. `after` as in `logarithmic_decrement`. NaN where the signal still leaves
-    the band in the last tenth of the record (not settled), and after a collision.
+    The last crossing of the band is located between samples.
+
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable that settles.
+        after: when the disturbance is over [s]; the time from which the leader's speed stays constant if None.
+        band: half width of the band, as a share of the largest deviation from the last value in the record, > 0.
+
+    Returns:
+        One value a vehicle; NaN where the signal still leaves the band in the last tenth of the record (not settled),
+        and after a collision.
+
+    Raises:
+        HeadwayError: if `after` is outside the record, or no follower has a whole record.
     """
     signals = Signals(dataset, "settling_time", signal)
     positive("settling_time", band=band)
@@ -97,11 +118,20 @@ def settling_time(
     threshold="0: never",
 )
 def overshoot(dataset: xr.Dataset, signal: str = "speed") -> xr.DataArray:
-    """How far [1] >= 0 each vehicle's `signal` leaves the leader's range, as a share of that range.
+    """How far [1] >= 0 the signal of each vehicle leaves the leader's range, as a share of that range.
 
     Behind a single step this is the usual overshoot; it means as much behind a step and back, a window or a
-    recorded leader. 0 for the leader. Collided vehicles are measured until then. Raises `HeadwayError` if the
-    leader's signal does not change.
+    recorded leader. Collided vehicles are measured until then.
+
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable that is compared.
+
+    Returns:
+        One value a vehicle, 0 for the leader.
+
+    Raises:
+        HeadwayError: if the leader's signal does not change.
     """
     signals = Signals(dataset, "overshoot", signal)
     high, low = (extreme_of(signals.time, signals[signal], s, signals.bounds(signal)) for s in (1.0, -1.0))
@@ -125,10 +155,20 @@ def l2_ratio(
 ) -> xr.DataArray:
     """Ratio [1] >= 0 of `sqrt(∫ (y - y(0))² dt)`, each vehicle to the one ahead or to the leader.
 
-    about: the value that deviations are taken from, in the signal's unit; each vehicle's value at the start of
-    the record if not given. Both norms run until the vehicle collides. NaN for the leader to its
-    predecessor and behind a vehicle that does not move. Over a record that ends before the wave has
-    passed the ratio is too small. Raises `HeadwayError` if the first vehicle does not deviate.
+    Both norms run until the vehicle collides. Over a record that ends before the wave has passed the ratio is
+    too small.
+
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable y.
+        to: what each vehicle is compared with, `predecessor` or `leader`.
+        about: the value that deviations are taken from, in the unit of the signal; y(0) of each vehicle if None.
+
+    Returns:
+        One value a vehicle; NaN for the leader to its predecessor and behind a vehicle that does not move.
+
+    Raises:
+        HeadwayError: if the first vehicle does not deviate.
     """
     return _norm_ratio(dataset, "l2_ratio", signal, to, about)
 
@@ -143,7 +183,20 @@ def l2_ratio(
 def linf_ratio(
     dataset: xr.Dataset, signal: str = "speed", to: Reference = "predecessor", about: float | None = None
 ) -> xr.DataArray:
-    """Ratio [1] >= 0 of `max |y - y(0)|` (refined between samples); otherwise as `l2_ratio`."""
+    """Ratio [1] >= 0 of `max |y - y(0)|`, refined between samples, each vehicle to the one ahead or to the leader.
+
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable y.
+        to: what each vehicle is compared with, `predecessor` or `leader`.
+        about: the value that deviations are taken from, in the unit of the signal; y(0) of each vehicle if None.
+
+    Returns:
+        One value a vehicle; NaN for the leader to its predecessor and behind a vehicle that does not move.
+
+    Raises:
+        HeadwayError: if the first vehicle does not deviate.
+    """
     return _norm_ratio(dataset, "linf_ratio", signal, to, about)
 
 

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from headway.arrays import Array
 from headway.errors import HeadwayError, unknown_name
-from headway.metrics.inputs import Array, Signals, checked
+from headway.metrics.inputs import Signals, checked
 from headway.metrics.registry import metric
 
 if TYPE_CHECKING:
@@ -42,8 +43,16 @@ def _meaning(what: str) -> Callable[[Mapping[str, Any]], str]:
 class RoadLoad:
     """Longitudinal forces on a level road; the defaults are a mid-size passenger car, chosen for this program.
 
-    mass: [kg]; rotating: share of the mass that rotating parts add to its inertia; drag_area: c_d A [m²];
-    rolling: coefficient of rolling resistance; air_density: [kg/m³]; gravity: [m/s²].
+    Attributes:
+        mass: mass of the vehicle [kg] > 0.
+        rotating: share of the mass that rotating parts add to its inertia, >= 0.
+        drag_area: drag coefficient times frontal area, c_d A [m²] >= 0.
+        rolling: coefficient of rolling resistance [1] >= 0.
+        air_density: density of the air [kg/m³] >= 0.
+        gravity: acceleration of gravity [m/s²] >= 0.
+
+    Raises:
+        HeadwayError: for a number out of its range.
     """
 
     mass: float = 1500.0
@@ -61,7 +70,12 @@ class RoadLoad:
                 raise HeadwayError(f"RoadLoad: {field.name} = {value:g} is not allowed; it is {allowed}")
 
     def force(self, speed: Any, acceleration: Any) -> Any:
-        """`F = m (1 + k_r) a + ρ c_d A v²/2 + m g c_r` [N] at the wheels; negative where it takes brakes."""
+        """`F = m (1 + k_r) a + ρ c_d A v²/2 + m g c_r` [N] at the wheels; negative where it takes brakes.
+
+        Args:
+            speed: v [m/s], a number or an array.
+            acceleration: a [m/s²], of a shape that fits.
+        """
         inertia = self.mass * (1.0 + self.rotating) * np.asarray(acceleration)
         drag = 0.5 * self.air_density * self.drag_area * np.square(speed)
         return inertia + drag + self.mass * self.gravity * self.rolling
@@ -77,9 +91,16 @@ class RoadLoad:
 def combustion_energy(dataset: xr.Dataset, load: RoadLoad | None = None, per: Per = "run") -> xr.DataArray:
     """Energy at the wheels `∫ max(F, 0) v dt` >= 0 of a vehicle whose fuel is cut while F < 0.
 
-    load: the road load of all vehicles; that of `RoadLoad()` if not given. per: `run` [MJ], `distance` [MJ/100 km] or
-    `leader` [1], the ratio to what the leader needs while the vehicle is known. NaN where there is
-    no distance, or where the leader needs nothing. The efficiency of the engine is not in it.
+    The efficiency of the engine is not in it.
+
+    Args:
+        dataset: trajectories of a run, with `speed`, or a `Recording`.
+        load: the road load of all vehicles; that of `RoadLoad()` if None.
+        per: `run` [MJ], `distance` [MJ/100 km], or `leader` [1], the ratio to what the leader needs while the vehicle
+            is in the record.
+
+    Returns:
+        One value a vehicle; NaN where there is no distance, or where the leader needs nothing.
     """
     return _total(dataset, "combustion_energy", _propulsion(load, 0.0), per, "MJ")
 
@@ -96,8 +117,18 @@ def electric_energy(
 ) -> xr.DataArray:
     """Energy at the wheels less what braking gives back, `∫ (max(F, 0) + η min(F, 0)) v dt`.
 
-    regeneration: η, the share of the braking energy that is recovered, 0 to 1. May be negative for a
-    vehicle that only brakes. Otherwise as `combustion_energy`.
+    Args:
+        dataset: trajectories of a run, with `speed`, or a `Recording`.
+        load: the road load of all vehicles; that of `RoadLoad()` if None.
+        per: `run` [MJ], `distance` [MJ/100 km] or `leader` [1].
+        regeneration: η, the share of the braking energy that is recovered, 0 to 1.
+
+    Returns:
+        One value a vehicle, negative for one that only brakes; NaN where there is no distance, or where the leader
+        needs nothing.
+
+    Raises:
+        HeadwayError: for a share outside 0 to 1.
     """
     if not 0 <= checked("electric_energy", "regeneration", regeneration) <= 1:
         raise HeadwayError(f"electric_energy: regeneration = {regeneration:g} is not a share from 0 to 1")
@@ -114,15 +145,24 @@ def electric_energy(
     whose="mean",
 )
 def fuel(dataset: xr.Dataset, per: Per = "run") -> xr.DataArray:
-    """Fuel by Kamal's polynomial, see `kamal`: per `run` [mL], `distance` [mL/km] or `leader` [1]; >= 0."""
+    """Fuel by Kamal's polynomial (see `kamal`), >= 0.
+
+    Args:
+        dataset: trajectories of a run, with `speed`, or a `Recording`.
+        per: `run` [mL], `distance` [mL/km] or `leader` [1].
+    """
     return _total(dataset, "fuel", kamal, per, "mL")
 
 
 def kamal(speed: Any, acceleration: Any) -> Any:
-    """Fuel rate [mL/s] of a passenger car on a level road at `speed` [m/s] and `acceleration` [m/s²].
+    """Fuel rate [mL/s] of a passenger car on a level road.
 
     `0.1569 + 2.450e-2 v - 7.415e-4 v² + 5.975e-5 v³ + max(a, 0) (0.07224 + 9.681e-2 v + 1.075e-3 v²)`; no fuel cut.
     Kamal, Mukai, Murata, Kawabe, IEEE Trans. Intell. Transp. Syst. 12, 783 (2011).
+
+    Args:
+        speed: v [m/s], a number or an array.
+        acceleration: a [m/s²], of a shape that fits.
     """
     v, a = np.asarray(speed, dtype=float), np.maximum(acceleration, 0.0)
     cruise = 0.1569 + v * (2.450e-2 + v * (-7.415e-4 + v * 5.975e-5))

@@ -38,7 +38,17 @@ _CORNER, _SKEW = 0.5, 1.0
 
 
 def extreme_of(time: Array, values: Array, sign: float, bounds: Bounds = FREE) -> Array:
-    """Largest value over time (`sign` = 1) or least (-1), refined within `bounds`."""
+    """Largest or least value over time, refined between samples.
+
+    Args:
+        time: sample times (T,) [s], rising.
+        values: signal (…, T); NaN samples are left out.
+        sign: 1 for the largest value, -1 for the least.
+        bounds: least and largest value that the signal can have, numbers or arrays (…,).
+
+    Returns:
+        Extremes (…,), in the unit of the signal; NaN where there is no sample.
+    """
     rows = sign * np.asarray(values, dtype=float).reshape(-1, time.size)
     finite = np.isfinite(rows)
     place = np.argmax(np.where(finite, rows, -np.inf), axis=1)
@@ -53,12 +63,21 @@ def extreme_of(time: Array, values: Array, sign: float, bounds: Bounds = FREE) -
 def refined(
     time: Array, best: Array, place: NDArray[np.int64], around: Array, most: Any = np.inf, ringing: bool = False
 ) -> Array:
-    """Highest values (n,) of signals whose highest samples are `best` (n,), numbers `place` (n,) of `time` (T,).
+    """Highest values of signals, refined from their highest samples by the quartic through five samples.
 
-    `around` (5, n) are that sample and its neighbours. Where it has not two finite ones on either
-    side, and where they do not lie on one smooth curve with it, the sample stands. No signal is refined
-    beyond `most` (n,); a sample that is there already stands. `ringing` says that the signals swing freely,
-    so that coarse samples are no corners.
+    Where a sample has not two finite neighbours on either side, or the five do not lie on one smooth curve, the sample
+    stands.
+
+    Args:
+        time: sample times (T,) [s].
+        best: highest sample (n,) of each signal.
+        place: its number (n,) among the times.
+        around: that sample and its neighbours (5, n).
+        most: bound (n,) beyond which nothing is refined; a sample that is there already stands.
+        ringing: whether the signals swing freely, so that coarse samples are no corners.
+
+    Returns:
+        Highest values (n,).
     """
     inner: Any = np.flatnonzero((place >= 2) & (place + 3 <= time.size) & np.isfinite(around).all(axis=0))
     if not inner.size:
@@ -104,17 +123,17 @@ def _above(t: Array, y: Array, ringing: bool) -> Array:
 
 
 def peak_of(time: Array, values: Array, bounds: Bounds = FREE) -> Array:
-    """Largest magnitude over time."""
+    """Largest magnitude (…,) over time of values (…, T) at times (T,) [s], refined within bounds."""
     return np.fmax(np.abs(extreme_of(time, values, 1.0, bounds)), np.abs(extreme_of(time, values, -1.0, bounds)))
 
 
 def amplitude_of(time: Array, values: Array, bounds: Bounds = FREE) -> Array:
-    """Half the range over time."""
+    """Half the range (…,) over time of values (…, T) at times (T,) [s], refined within bounds."""
     return 0.5 * (extreme_of(time, values, 1.0, bounds) - extreme_of(time, values, -1.0, bounds))
 
 
 def rms_of(time: Array, values: Array) -> Array:
-    """Root of the mean square over time, by the trapezoid rule."""
+    """Root of the mean square (…,) over time of values (…, T) at times (T,) [s], by the trapezoid rule."""
     weight = trapezoid(time)
     finite = np.isfinite(values)
     total = np.cumsum(finite * weight, axis=-1)[..., -1]

@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.errors import HeadwayError
-from headway.metrics.inputs import Array, Reference, Signals, meaning, positive, trajectories, unit_of
+from headway.metrics.inputs import Reference, Signals, meaning, positive, trajectories, unit_of
 from headway.metrics.registry import metric
 from headway.sampling import trapezoid
 
@@ -59,13 +60,18 @@ _FLAWS = {
 def fundamental(
     dataset: xr.Dataset, signal: str = "speed", omega: float | None = None, window: Window | None = None
 ) -> xr.DataArray:
-    """Complex amplitude C_1 of `signal` at the forcing frequency, in its unit: `y ≈ |C_1| cos(ωt + arg C_1)`.
+    """Complex amplitude C_1 of a signal at the forcing frequency, in its unit: `y ≈ |C_1| cos(ωt + arg C_1)`.
 
-    omega: angular frequency [rad/s]; that of the leader in the dataset's scenario if not given.
-    window: (start, end) [s] of the steady part, shortened at its start to whole periods; if not given, the
-    whole periods in the second half of the record, at least the last one.
-    Raises `HeadwayError` if not a single period fits, if a period has fewer than 5 samples, or if no
-    follower is known throughout the window.
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable y.
+        omega: angular frequency ω [rad/s] > 0; that of the leader in the dataset's scenario if None.
+        window: (start, end) [s] of the steady part, shortened at its start to whole periods; the whole periods in the
+            second half of the record, at least the last one, if None.
+
+    Raises:
+        HeadwayError: if not a single period fits, if a period has fewer than 5 samples, or if no follower has a value
+            throughout the window.
     """
     fit = _fit(dataset, "fundamental", signal, omega, window)
     return fit.signals.result(fit.parts[0])
@@ -87,9 +93,21 @@ def amplitude_growth(
 ) -> xr.DataArray:
     """Ratio [1] >= 0 of fundamentals |C_1|: each vehicle to the one ahead, or to the leader; above 1 it grew.
 
-    NaN for the leader (to itself it is 1), for vehicles that collided, and behind one that does not oscillate.
-    For signals that the leader lacks, the first follower takes its place. Arguments and errors as in
-    `fundamental`, and `HeadwayError` if the first vehicle has no amplitude at this frequency.
+    For signals that the leader lacks, the first follower takes its place.
+
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable that oscillates.
+        omega: angular frequency [rad/s], as in `fundamental`.
+        window: (start, end) [s] of the steady part, as in `fundamental`.
+        to: what each vehicle is compared with, `predecessor` or `leader`.
+
+    Returns:
+        One value a vehicle; NaN for the leader (to itself it is 1), for vehicles that collided, and behind one that
+        does not oscillate.
+
+    Raises:
+        HeadwayError: as in `fundamental`, and if the first vehicle has no amplitude at this frequency.
     """
     fit = _fit(dataset, "amplitude_growth", signal, omega, window)
     c = fit.oscillating(signal)
@@ -112,9 +130,19 @@ def phase_lag(
 ) -> xr.DataArray:
     """Angle [rad] by which each vehicle's fundamental lags behind the vehicle ahead, or the leader.
 
-    A single run tells a lag up to whole turns only. From vehicle to vehicle the one between -π/2 and 3π/2
+    A single run gives a lag up to whole turns only. From vehicle to vehicle the one between -π/2 and 3π/2
     is taken, as followers lag more than they lead; to the leader these are summed, so that the angle
-    unwraps down the string. Otherwise as `amplitude_growth`.
+    unwraps down the string.
+
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable that oscillates.
+        omega: angular frequency [rad/s], as in `fundamental`.
+        window: (start, end) [s] of the steady part, as in `fundamental`.
+        to: what each vehicle is compared with, `predecessor` or `leader`.
+
+    Raises:
+        HeadwayError: as in `amplitude_growth`.
     """
     fit = _fit(dataset, "phase_lag", signal, omega, window)
     return fit.signals.result(_lags(fit, signal, to), fit.note())
@@ -133,7 +161,15 @@ def time_lag(
     window: Window | None = None,
     to: Reference = "predecessor",
 ) -> xr.DataArray:
-    """`phase_lag` as a time [s]: the angle over ω."""
+    """Time [s] by which each vehicle lags behind: `phase_lag` over ω.
+
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable that oscillates.
+        omega: angular frequency ω [rad/s], as in `fundamental`.
+        window: (start, end) [s] of the steady part, as in `fundamental`.
+        to: what each vehicle is compared with, `predecessor` or `leader`.
+    """
     fit = _fit(dataset, "time_lag", signal, omega, window)
     return fit.signals.result(_lags(fit, signal, to) / fit.omega, fit.note())
 
@@ -150,8 +186,16 @@ def harmonic_distortion(
 ) -> xr.DataArray:
     """Total harmonic distortion THD_F [1] >= 0: `sqrt(Σ |C_k|², k = 2 … K) / |C_1|`, 0 for a pure sine.
 
-    K is 10, or less where a period has fewer than 23 samples. NaN where a vehicle does not oscillate. Arguments
-    and errors as in `amplitude_growth`.
+    K is 10, or less where a period has fewer than 23 samples.
+
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable that oscillates.
+        omega: angular frequency [rad/s], as in `fundamental`.
+        window: (start, end) [s] of the steady part, as in `fundamental`.
+
+    Raises:
+        HeadwayError: as in `amplitude_growth`.
     """
     fit = _fit(dataset, "harmonic_distortion", signal, omega, window)
     overtones = np.sqrt(np.sum(np.abs(fit.parts[1:]) ** 2, axis=0))
@@ -168,9 +212,21 @@ def describing_function(
 ) -> xr.DataArray:
     """Gain [1] against amplitude: `amplitude_growth` of runs that differ in the amplitude of their leader.
 
-    runs: several datasets (the result gets the dimension `run`), or one with an extra dimension, which is kept.
-    The coordinate `input_amplitude` holds, for every gain, the amplitude |C_1| of what the vehicle is
-    compared with, in the signal's unit. A linear law gives the same gain at every amplitude.
+    A linear law gives the same gain at every amplitude.
+
+    Args:
+        runs: several datasets (the result gets the dimension `run`), or one with an extra dimension, which is kept.
+        signal: the variable that oscillates.
+        omega: angular frequency [rad/s], as in `fundamental`.
+        window: (start, end) [s] of the steady part, as in `fundamental`.
+        to: what each vehicle is compared with, `predecessor` or `leader`.
+
+    Returns:
+        Gains, with the coordinate `input_amplitude`: |C_1| of what the vehicle is compared with, in the unit of the
+        signal.
+
+    Raises:
+        HeadwayError: as in `amplitude_growth`, and for runs that differ in their number of vehicles.
     """
     import xarray as xr
 

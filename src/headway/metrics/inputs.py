@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.errors import HeadwayError, unknown_name
 from headway.metrics.extremes import FREE, FROM_ZERO, Bounds
 from headway.schema import VARIABLES, describe
@@ -19,16 +20,22 @@ from headway.schema import VARIABLES, describe
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Array", "Reference", "Signals", "bounds", "checked", "meaning", "positive", "trajectories", "unit_of"]
+__all__ = ["Reference", "Signals", "bounds", "checked", "meaning", "positive", "trajectories", "unit_of"]
 
-Array = NDArray[np.float64]
 Reference = Literal["predecessor", "leader"]
 
 
 def trajectories(value: Any, place: str) -> xr.Dataset:
-    """The dataset of a run, or that of a `Recording`; `HeadwayError` for anything else.
+    """The dataset of a run, or that of a `Recording`.
 
     A recording gets what follows from its gaps: the spacing error, and no time of collision.
+
+    Args:
+        value: the dataset or recording.
+        place: who needs it, for messages.
+
+    Raises:
+        HeadwayError: for anything else.
     """
     import xarray as xr
 
@@ -48,8 +55,14 @@ def trajectories(value: Any, place: str) -> xr.Dataset:
 class Signals:
     """Variables of a dataset as arrays (…, vehicle, time) that share all dimensions.
 
-    Raises `HeadwayError` if the dataset lacks one of them, if it has no dimension vehicle or time, if its
-    times do not rise, or if a variable is known of no follower.
+    Args:
+        dataset: trajectories of a run.
+        measure: name of the metric, for messages.
+        *names: variables that it needs.
+
+    Raises:
+        HeadwayError: if the dataset lacks one of them, if it has no dimension vehicle or time, if its times do not
+            rise, or if no follower has a value of a variable.
     """
 
     def __init__(self, dataset: xr.Dataset, measure: str, *names: str) -> None:
@@ -82,11 +95,21 @@ class Signals:
         return self._values[name]
 
     def bounds(self, name: str) -> Bounds:
-        """Least and largest value that a variable can have, numbers or arrays (…, vehicle)."""
+        """Least and largest value that the variable `name` can have, numbers or arrays (…, vehicle)."""
         return bounds(self._ordered.isel(time=0, drop=True), name)
 
     def need_follower(self, which: Any, name: str, start: float | None = None, end: float | None = None) -> None:
-        """Raise `HeadwayError` unless `which` (…, vehicle) holds for a follower; a dataset of a leader alone passes."""
+        """Refuse signals of which no follower has a value; a dataset of a leader alone passes.
+
+        Args:
+            which: (…, vehicle) whether each vehicle has one.
+            name: the variable.
+            start: first time that counts [s]; that of the record if None.
+            end: last time that counts [s]; that of the record if None.
+
+        Raises:
+            HeadwayError: unless `which` holds for a follower.
+        """
         followers = which[..., self.vehicle != 0]
         if followers.size and not followers.any():
             start, end = self.time[0] if start is None else start, self.time[-1] if end is None else end
@@ -96,7 +119,14 @@ class Signals:
             raise HeadwayError(f"{self.measure}: {name!r} of no follower is known from {start:g} to {end:g} s; {why}")
 
     def within(self, window: tuple[float, float]) -> slice:
-        """The samples within `window` [s]; `HeadwayError` if it is not a part of the record."""
+        """The samples within a window.
+
+        Args:
+            window: (start, end) [s].
+
+        Raises:
+            HeadwayError: if it is not a part of the record, or has no sample.
+        """
         start, end = self._span(window)
         slack = 1e-9 * max(1.0, abs(end))
         first, last = np.searchsorted(self.time, [start - slack, end + slack]).tolist()
@@ -119,7 +149,18 @@ class Signals:
         return start, end
 
     def reference(self, values: NDArray[Any], to: str) -> NDArray[Any]:
-        """What each vehicle of `values` (…, vehicle) is compared with: the vehicle ahead, or the first that has one."""
+        """What each vehicle is compared with: the vehicle ahead, or the first that has a value.
+
+        Args:
+            values: (…, vehicle).
+            to: `predecessor` or `leader`.
+
+        Returns:
+            (…, vehicle), NaN for the first vehicle to its predecessor.
+
+        Raises:
+            HeadwayError: for another word, vehicles that do not follow one another, and a leader that is missing.
+        """
         if to not in get_args(Reference):
             raise unknown_name(f"{self.measure}: to", to, get_args(Reference))
         if np.any(np.diff(self.vehicle) != 1):
@@ -135,16 +176,21 @@ class Signals:
 
     @staticmethod
     def first(values: NDArray[Any]) -> int:
-        """Number of the first vehicle of `values` (…, vehicle) that is known: 1 for what a leader has not."""
+        """Number of the first vehicle of `values` (…, vehicle) with a value: 1 for variables that a leader lacks."""
         finite = np.isfinite(values).reshape(-1, values.shape[-1]).any(axis=0)
         return int(np.argmax(finite))
 
     def result(self, values: Any, note: str = "") -> xr.DataArray:
-        """`values` (…, vehicle) with dimensions, coordinates and order of the dataset; `note` says why some lack."""
+        """Values of vehicles with dimensions, coordinates and order of the dataset.
+
+        Args:
+            values: (…, vehicle).
+            note: why some vehicles have none, in a sentence.
+        """
         return self._named(self._ordered.isel(time=0, drop=True).copy(data=values), note)
 
     def series(self, values: Array) -> xr.DataArray:
-        """`values` (…, vehicle, time) likewise."""
+        """Values (…, vehicle, time) with dimensions, coordinates and order of the dataset."""
         return self._named(self._ordered.copy(data=values), "")
 
     def _named(self, array: xr.DataArray, note: str) -> xr.DataArray:
@@ -154,10 +200,17 @@ class Signals:
 
 
 def bounds(like: xr.DataArray, name: str) -> Bounds:
-    """Least and largest value that the variable `name` can have, numbers or arrays of the shape of `like`.
+    """Least and largest value that a variable can have.
 
     Speeds and gaps do not turn negative; an acceleration stays within the limits of the vehicle, which a dataset of
-    a run tells in its coordinates.
+    a run has in its coordinates.
+
+    Args:
+        like: the variable without time.
+        name: its name.
+
+    Returns:
+        Two numbers, or two arrays of the shape of `like`.
     """
     if name in ("speed", "gap"):
         return FROM_ZERO
@@ -179,14 +232,31 @@ def meaning(dataset: xr.Dataset, name: str) -> str:
 
 
 def positive(measure: str, **values: float) -> None:
-    """Raise `HeadwayError` for the first of `values` that is not a positive finite number."""
+    """Refuse numbers that are not positive and finite.
+
+    Args:
+        measure: who needs them, for messages.
+        **values: the numbers by name.
+
+    Raises:
+        HeadwayError: for the first that is not.
+    """
     for name, value in values.items():
         if not (checked(measure, name, value) > 0):
             raise HeadwayError(f"{measure}: {name} = {value:g} is not positive")
 
 
 def checked(measure: str, name: str, value: Any) -> float:
-    """`value` as a finite number; `HeadwayError` if it is none."""
+    """A value as a finite number.
+
+    Args:
+        measure: who needs it, for messages.
+        name: its name, for messages.
+        value: the value.
+
+    Raises:
+        HeadwayError: if it is none.
+    """
     try:
         number = float(value)
     except (TypeError, ValueError):

@@ -11,22 +11,28 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.engine.measured import ABOUT_GAPS, EXTREMES, SQUARE, Reduction
 from headway.metrics.extremes import FREE, FROM_ZERO, Bounds, extreme_of, refined, rms_of
 from headway.metrics.registry import Extremes, Whose
 
 __all__ = ["FORMS", "Form", "closest", "extremes", "from_batches", "of_run", "ratio_to_ahead", "signal_bounds"]
 
-Array = NDArray[np.float64]
 
 #: amplitudes below this are nothing to compare with, in the unit of the signal
 _NOTHING = 1e-12
 
 
 class Form(NamedTuple):
-    """A metric of any signal: what is kept for it, how it is made, its meaning, and the follower that speaks."""
+    """A metric that any signal can have.
+
+    Attributes:
+        mode: what the kernel keeps for it, EXTREMES or SQUARE.
+        make: its values from the extremes of the signal.
+        meaning: its meaning, where the braces stand for the signal.
+        whose: the follower that speaks for a platoon.
+    """
 
     mode: int
     make: Callable[[Extremes], Array]
@@ -60,12 +66,25 @@ FORMS: dict[str, Form] = {
 
 
 def signal_bounds(signal: str, limits: Bounds = FREE) -> Bounds:
-    """Least and largest value that a signal can have; `limits` are those of accelerations."""
+    """Least and largest value that a signal can have.
+
+    Args:
+        signal: its name.
+        limits: least and largest acceleration [m/s²].
+    """
     return {"acceleration": limits, "speed": FROM_ZERO, "gap": FROM_ZERO}.get(signal, FREE)
 
 
 def extremes(time: Array, values: Array, mode: int, bounds: Bounds, collision: Any = np.nan) -> Extremes:
-    """Extremes (vehicle, …) of one signal (vehicle, …, time)."""
+    """Extremes (vehicle, …) of one signal.
+
+    Args:
+        time: (T,) [s].
+        values: (vehicle, …, T).
+        mode: what is needed, EXTREMES or SQUARE or both.
+        bounds: least and largest value that the signal can have.
+        collision: when vehicles collided [s], NaN where they did not.
+    """
     none = np.full(values.shape[:-1], np.nan)
     high, low = (extreme_of(time, values, s, bounds) for s in (1.0, -1.0)) if mode & EXTREMES else (none, none)
     square = rms_of(time, values) if mode & SQUARE else none
@@ -77,7 +96,11 @@ def from_batches(
 ) -> dict[str, Extremes]:
     """Extremes (vehicle, lane) of batches of one structure, side by side.
 
-    `limits` (vehicle, lane) of accelerations; `collision` (vehicle, lane) [s], NaN where there is none.
+    Args:
+        time: (T,) [s].
+        batches: what the kernel kept of each batch, by signal.
+        limits: least and largest acceleration (vehicle, lane) [m/s²].
+        collision: (vehicle, lane) [s], NaN where there is none.
     """
     result = {}
     to_the_end = ~np.logical_or.accumulate(np.isfinite(collision), axis=0)
@@ -103,5 +126,13 @@ def from_batches(
 def of_run(
     time: Array, variables: Mapping[str, Array], needs: Mapping[str, int], limits: Bounds, collision: Any
 ) -> dict[str, Extremes]:
-    """Extremes (vehicle,) of the signals in `needs` from the trajectories (vehicle, time) of one run."""
+    """Extremes (vehicle,) of signals from the trajectories of one run.
+
+    Args:
+        time: (T,) [s].
+        variables: (vehicle, T) by name.
+        needs: signal → what is needed of it, EXTREMES or SQUARE or both.
+        limits: least and largest acceleration (vehicle,) [m/s²].
+        collision: (vehicle,) [s], NaN where there is none.
+    """
     return {s: extremes(time, variables[s], mode, signal_bounds(s, limits), collision) for s, mode in needs.items()}

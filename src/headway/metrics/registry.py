@@ -15,8 +15,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeVar
 
+from headway.arrays import Array
 from headway.errors import HeadwayError, did_you_mean, shorten, unknown_name
-from headway.metrics.inputs import Array, meaning, trajectories, unit_of
+from headway.metrics.inputs import meaning, trajectories, unit_of
 from headway.schema import VARIABLES
 
 if TYPE_CHECKING:
@@ -35,10 +36,14 @@ Per = Literal["vehicle", "run", "time", "phasor"]
 
 
 class Extremes(NamedTuple):
-    """What a run leaves of one signal without its trajectories: arrays (vehicle, …).
+    """What a run leaves of one signal without its trajectories: arrays (vehicle, …), NaN where there is no sample.
 
-    `highest`, `least` and `rms` are NaN where nothing is known. `collision` is when the vehicle hit the one ahead
-    [s], NaN if it did not; `whole` says that it is known to the end of the run.
+    Attributes:
+        highest: largest value.
+        least: least value.
+        rms: root of the mean square.
+        collision: when the vehicle hit the one ahead [s], NaN if it did not.
+        whole: whether its record runs to the end of the run.
     """
 
     highest: Array
@@ -49,7 +54,13 @@ class Extremes(NamedTuple):
 
 
 class Reduced(NamedTuple):
-    """How a metric is made of what the kernel keeps of one signal, so that a study needs no trajectories for it."""
+    """How a metric is made of what the kernel keeps of one signal, so that a study needs no trajectories for it.
+
+    Attributes:
+        signal: the signal; "" for the times of collisions.
+        mode: what is kept of it, EXTREMES or SQUARE.
+        make: values (vehicle, …) from its extremes.
+    """
 
     signal: str
     mode: int
@@ -60,10 +71,22 @@ class Reduced(NamedTuple):
 class Metric:
     """One metric: `of(dataset)` gives its values with unit and meaning in the attributes.
 
-    per: `vehicle`, `run` (one number), `time` (a value at every time of every vehicle) or `phasor`. whose: the
-    follower that speaks for a platoon. reduced: how it is made without trajectories, if it can be. parameters: what
-    its function is given beside the dataset. own: not of the registry, a function of a user. about: unit and meaning
-    under other parameters. The rest is for its row in a table.
+    Attributes:
+        name: its name, with parameters where they are not the default ones.
+        unit: unit of its values.
+        long_name: meaning of its values.
+        function: a function of a dataset of trajectories.
+        per: `vehicle`, `run` (one number), `time` (a value at every time of every vehicle) or `phasor`.
+        whose: the follower that speaks for a platoon.
+        reduced: how it is made without trajectories, if it can be.
+        parameters: arguments of the function beside the dataset.
+        own: whether it is a function of a user, and none of the registry.
+        family: the subject, for its row in a table.
+        formula: how it is made, for its row in a table.
+        threshold: values that matter, for its row in a table.
+        source: where it comes from, for its row in a table.
+        says: what one learns from it, for its row in a table.
+        about: unit and meaning under other parameters.
     """
 
     name: str
@@ -83,11 +106,19 @@ class Metric:
     about: Callable[[Mapping[str, Any]], tuple[str, str]] | None = None
 
     def of(self, dataset: Any) -> Any:
-        """Values of a run or of several: an array over `vehicle` (but for a metric per run) and all else but time."""
+        """Values of a run or of several: an array over `vehicle` (but for a metric per run) and all else but time.
+
+        Args:
+            dataset: trajectories of runs, or a `Recording`.
+        """
         return self.function(dataset, **self.parameters)
 
     def over_vehicles(self, values: xr.DataArray) -> xr.DataArray:
-        """One number for a platoon, made of the values (…, vehicle) of its followers that have one."""
+        """One number for a platoon, made of the values of its followers that have one.
+
+        Args:
+            values: (…, vehicle), the leader first; without the dimension vehicle they are returned as they are.
+        """
         if "vehicle" not in values.dims:
             return values
         followers = values.isel(vehicle=slice(1, None))
@@ -184,7 +215,15 @@ def _described(unit: Any, long_name: Any, parameters: Mapping[str, Any], data: x
 
 
 def named(text: str, place: str = "metric") -> Metric:
-    """The metric of a name, `ttc`, or of one with parameters, `tet(threshold=4)`; `HeadwayError` if there is none."""
+    """The metric of a name, `ttc`, or of one with parameters, `tet(threshold=4)`.
+
+    Args:
+        text: the name.
+        place: who asks, for messages.
+
+    Raises:
+        HeadwayError: if there is none, or a parameter is not one of its own.
+    """
     name, _, inside = text.strip().partition("(")
     entry = METRICS.get(name.strip())
     if entry is None:
@@ -231,7 +270,16 @@ def _own(function: Callable[[Any], Any]) -> Metric:
 
 
 def chosen(metrics: Any, default: Iterable[str]) -> tuple[Metric, ...]:
-    """The metrics that are asked for, each once: names, or functions of trajectories; `default` if None."""
+    """The metrics that are asked for, each once.
+
+    Args:
+        metrics: names, or functions of trajectories; a single name; or None.
+        default: names that stand for None.
+
+    Raises:
+        HeadwayError: for what is neither, for a name given twice, and for metrics with more than one number a vehicle
+            or a run.
+    """
     if isinstance(metrics, str):
         metrics = (metrics,)
     try:

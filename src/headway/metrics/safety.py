@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.errors import HeadwayError
 from headway.metrics.extremes import extreme_of
-from headway.metrics.inputs import Array, Signals, positive
+from headway.metrics.inputs import Signals, positive
 from headway.metrics.reduction import EXTREMES, closest
 from headway.metrics.registry import Reduced, metric
 from headway.sampling import trapezoid
@@ -41,7 +42,11 @@ __all__ = [
     threshold="0",
 )
 def collided(dataset: xr.Dataset) -> xr.DataArray:
-    """Whether each vehicle hit the one ahead (true or false); `collision_time` of the dataset says when."""
+    """Whether each vehicle hit the one ahead (true or false); `collision_time` of the dataset says when.
+
+    Args:
+        dataset: trajectories of a run, with `gap` and `relative_speed`, or a `Recording`.
+    """
     pair = _pairs(dataset, "collided")
     return pair.signals.result(pair.hit)
 
@@ -55,7 +60,11 @@ def collided(dataset: xr.Dataset) -> xr.DataArray:
     per="run",
 )
 def collisions(dataset: xr.Dataset) -> xr.DataArray:
-    """Number of collisions in the platoon, without the dimension vehicle."""
+    """Number of collisions in the platoon, without the dimension vehicle.
+
+    Args:
+        dataset: as of `collided`.
+    """
     return collided(dataset).sum("vehicle", keep_attrs=False)
 
 
@@ -68,7 +77,11 @@ def collisions(dataset: xr.Dataset) -> xr.DataArray:
     reduced=Reduced("gap", EXTREMES, closest),
 )
 def least_gap(dataset: xr.Dataset) -> xr.DataArray:
-    """Least gap [m] >= 0 over time; 0 for a pair that collided."""
+    """Least gap [m] >= 0 over time; 0 for a pair that collided.
+
+    Args:
+        dataset: as of `collided`.
+    """
     pair = _pairs(dataset, "least_gap")
     least = np.maximum(extreme_of(pair.time, pair.gap, -1.0), 0.0)
     return pair.signals.result(np.where(pair.hit, 0.0, least))
@@ -83,7 +96,11 @@ def least_gap(dataset: xr.Dataset) -> xr.DataArray:
     per="time",
 )
 def time_to_collision(dataset: xr.Dataset) -> xr.DataArray:
-    """TTC = s / closing speed [s] > 0, (vehicle, time): infinite unless closing within an hour (Hayward 1972)."""
+    """TTC = s / closing speed [s] > 0, (vehicle, time): infinite unless closing within an hour (Hayward 1972).
+
+    Args:
+        dataset: as of `collided`.
+    """
     pair = _pairs(dataset, "time_to_collision")
     closing = pair.closing * _NEVER > pair.gap
     ratio = np.divide(pair.gap, pair.closing, out=np.full_like(pair.gap, np.inf), where=closing)
@@ -104,6 +121,9 @@ def ttc(dataset: xr.Dataset) -> xr.DataArray:
 
     Infinite if the gap would take more than an hour to close, 0 if it closed altogether. The highest 1/TTC is refined
     between samples, which is smooth where TTC is not (Hayward 1972; Minderhoud and Bovy 2001).
+
+    Args:
+        dataset: as of `collided`.
     """
     pair = _pairs(dataset, "ttc")
     return pair.signals.result(_least_ttc(pair))
@@ -118,9 +138,11 @@ def ttc(dataset: xr.Dataset) -> xr.DataArray:
     source="Minderhoud, Bovy 2001",
 )
 def tet(dataset: xr.Dataset, threshold: float = 3.0) -> xr.DataArray:
-    """Time exposed TET [s] >= 0: how long TTC is below `threshold` [s] (Minderhoud and Bovy 2001).
+    """Time exposed TET [s] >= 0: how long TTC is below a threshold (Minderhoud and Bovy 2001).
 
-    Counted up to the last sample before a collision.
+    Args:
+        dataset: as of `collided`; time counts up to the last sample before a collision.
+        threshold: TTC* [s] > 0.
     """
     pair = _pairs(dataset, "tet")
     width, _ = _exposure(pair, threshold)
@@ -136,9 +158,11 @@ def tet(dataset: xr.Dataset, threshold: float = 3.0) -> xr.DataArray:
     source="Minderhoud, Bovy 2001",
 )
 def tit(dataset: xr.Dataset, threshold: float = 3.0) -> xr.DataArray:
-    """Time integrated TIT = ∫ max(TTC* - TTC, 0) dt [s²] >= 0, TTC* = `threshold` [s] (Minderhoud and Bovy 2001).
+    """Time integrated TIT = ∫ max(TTC* - TTC, 0) dt [s²] >= 0 (Minderhoud and Bovy 2001).
 
-    Counted up to the last sample before a collision.
+    Args:
+        dataset: as of `collided`; time counts up to the last sample before a collision.
+        threshold: TTC* [s] > 0.
     """
     pair = _pairs(dataset, "tit")
     _, area = _exposure(pair, threshold)
@@ -157,6 +181,9 @@ def drac(dataset: xr.Dataset) -> xr.DataArray:
     """Largest deceleration rate to avoid a collision, `dv²/(2s)` while closing [m/s²] >= 0; above 3.35 is critical.
 
     0 if the gap never closes, infinite for a pair that collided (Cooper and Ferguson 1976; threshold: Archer 2005).
+
+    Args:
+        dataset: as of `collided`.
     """
     pair = _pairs(dataset, "drac")
     most = np.maximum(extreme_of(pair.time, _needed(pair), 1.0), 0.0)
@@ -173,8 +200,11 @@ def drac(dataset: xr.Dataset) -> xr.DataArray:
 def mdrac(dataset: xr.Dataset, reaction: float = 1.0) -> xr.DataArray:
     """Largest DRAC after a reaction time R, `closing / (2 (TTC - R))` [m/s²] >= 0; above 3.4 is critical.
 
-    reaction: R [s]. Infinite if TTC falls to R, where braking comes too late, and for a pair that collided; 0 if the
-    gap never closes.
+    Infinite if TTC falls to R, where braking comes too late, and for a pair that collided; 0 if the gap never closes.
+
+    Args:
+        dataset: as of `collided`.
+        reaction: reaction time R [s] > 0.
     """
     pair = _pairs(dataset, "mdrac")
     positive("mdrac", reaction=reaction)
@@ -198,8 +228,12 @@ def mdrac(dataset: xr.Dataset, reaction: float = 1.0) -> xr.DataArray:
 def picud(dataset: xr.Dataset, deceleration: float = 3.3, reaction: float = 1.0) -> xr.DataArray:
     """Least PICUD = (v_l² - v²)/(2b) + s - v R [m]: gap left if the leader brakes with b and the follower R later.
 
-    deceleration: b [m/s²]; reaction: R [s]. Below 0 an emergency stop of the leader ends in a collision (Uno et al.
-    2002). Measured until a collision.
+    Below 0 an emergency stop of the leader ends in a collision (Uno et al. 2002). Measured until a collision.
+
+    Args:
+        dataset: as of `collided`, with `speed`.
+        deceleration: braking b of both [m/s²] > 0.
+        reaction: reaction time R of the follower [s] > 0.
     """
     pair = _pairs(dataset, "picud", "speed")
     positive("picud", deceleration=deceleration, reaction=reaction)
@@ -221,8 +255,14 @@ def cpi(
 ) -> xr.DataArray:
     """Crash potential index: mean over time of P(MADR <= DRAC) [1], from 0 to 1.
 
-    MADR, the deceleration that the vehicle has available [m/s²], is normal with `mean` and `deviation`, truncated to
-    `limits`. The mean runs over the time that the pair is known, by the trapezoid rule (Cunto and Saccomanno 2008).
+    MADR, the deceleration that the vehicle has available, is a truncated normal variable. The mean runs over the
+    time before a collision, by the trapezoid rule (Cunto and Saccomanno 2008).
+
+    Args:
+        dataset: as of `collided`.
+        mean: mean of MADR [m/s²] > 0.
+        deviation: its standard deviation [m/s²] > 0.
+        limits: its least and largest value [m/s²], rising.
     """
     from scipy.special import ndtr
 
@@ -257,10 +297,16 @@ def rss_margin(
 ) -> xr.DataArray:
     """Least gap less the safe distance of Responsibility-Sensitive Safety [m]; below 0 the gap is unsafe.
 
-    `d = max(0, v ρ + ρ² a/2 + (v + ρ a)²/(2 b) - v_l²/(2 b_l))`: the follower speeds up by a during the response time
-    ρ [s] and then brakes with no less than b, while the leader brakes with no more than b_l [m/s²]
-    (Shalev-Shwartz, Shammah, Shashua 2017, definition 1). The paper leaves the values open; the default ones are those
-    that the library ad-rss-lib starts from. Measured until a collision.
+    `d = max(0, v ρ + ρ² a/2 + (v + ρ a)²/(2 b) - v_l²/(2 b_l))` (Shalev-Shwartz, Shammah, Shashua 2017, definition 1).
+    The paper leaves the values open; the default ones are those that the library ad-rss-lib starts from. Measured
+    until a collision.
+
+    Args:
+        dataset: as of `collided`, with `speed`.
+        response: response time ρ [s] during which the follower speeds up.
+        acceleration: a [m/s²], by which it does so at most.
+        brake: b [m/s²], with which it then brakes at least.
+        leader_brake: b_l [m/s²], with which the leader brakes at most.
     """
     pair = _pairs(dataset, "rss_margin", "speed")
     positive("rss_margin", response=response, acceleration=acceleration, brake=brake, leader_brake=leader_brake)
@@ -277,7 +323,7 @@ _NEVER = 3600.0
 
 
 class _Pairs(NamedTuple):
-    """Gap [m] and closing speed [m/s], (…, vehicle, time), NaN from a collision on; which are known; who collided."""
+    """Gap [m] and closing speed [m/s], (…, vehicle, time), NaN from a collision on; where valid; who collided."""
 
     signals: Signals
     time: Array
@@ -287,7 +333,7 @@ class _Pairs(NamedTuple):
     hit: NDArray[np.bool_]
 
     def result(self, values: Array) -> xr.DataArray:
-        """As `Signals.result`, NaN where nothing is known of the pair."""
+        """As `Signals.result`, NaN where a pair has no valid sample."""
         there = self.valid.any(axis=-1) | self.hit
         return self.signals.result(np.where(there, values, np.nan))
 

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from headway.arrays import Array
 from headway.engine.measured import QUANTITIES
 from headway.errors import HeadwayError, shorten
-from headway.metrics.inputs import Array, bounds, trajectories
+from headway.metrics.inputs import bounds, trajectories
 from headway.metrics.reduction import FORMS, extremes
 from headway.metrics.registry import METRICS, Metric, Reduced, register
 from headway.schema import VARIABLES
@@ -40,29 +41,50 @@ UNPHYSICAL = 10.0
 
 
 def peak(values: xr.DataArray) -> xr.DataArray:
-    """Largest magnitude over time, in the unit of `values`; NaN samples are left out."""
+    """Largest magnitude over time, in the unit of the values, >= 0.
+
+    Args:
+        values: one variable of a run, with the dimension time; NaN samples are left out.
+    """
     return _over_time(values, "peak_{}")
 
 
 def rms(values: xr.DataArray) -> xr.DataArray:
-    """Root of the mean square over time (trapezoid rule), in the unit of `values`; NaN samples are left out."""
+    """Root of the mean square over time (trapezoid rule), in the unit of the values, >= 0.
+
+    Args:
+        values: one variable of a run, with the dimension time; NaN samples are left out.
+    """
     return _over_time(values, "rms_{}")
 
 
 def amplitude(values: xr.DataArray) -> xr.DataArray:
-    """Half the range over time, in the unit of `values`."""
+    """Half the range over time, in the unit of the values, >= 0.
+
+    Args:
+        values: one variable of a run, with the dimension time; NaN samples are left out.
+    """
     return _over_time(values, "{}_amplitude")
 
 
 def least(values: xr.DataArray) -> xr.DataArray:
-    """Least value over time, in the unit of `values`."""
+    """Least value over time, in the unit of the values.
+
+    Args:
+        values: one variable of a run, with the dimension time; NaN samples are left out.
+    """
     return _over_time(values, "least_{}")
 
 
 def amplitude_ratio(values: xr.DataArray) -> xr.DataArray:
-    """Amplitude of each vehicle over that of the vehicle ahead.
+    """Amplitude of each vehicle over that of the vehicle ahead [1] >= 0.
 
-    NaN for the leader, behind a steady vehicle, and for vehicles that are not known to the end (after a collision).
+    Args:
+        values: one variable of a run, with the dimensions vehicle and time.
+
+    Returns:
+        One value a vehicle; NaN for the leader, behind a steady vehicle, and for vehicles whose record ends early
+        (after a collision).
     """
     return _over_time(values, "{}_amplitude_ratio")
 
@@ -70,8 +92,12 @@ def amplitude_ratio(values: xr.DataArray) -> xr.DataArray:
 def summary(dataset: xr.Dataset) -> xr.Dataset:
     """The metrics of `headway run`, one value a vehicle.
 
-    Peak and r.m.s. spacing error [m], speed amplitude [m/s] and its ratio to the vehicle ahead, least acceleration
-    (the hardest braking) [m/s²], least gap [m], time of collision [s].
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+
+    Returns:
+        Peak and r.m.s. spacing error [m], speed amplitude [m/s] and its ratio to the vehicle ahead, least acceleration
+        (the hardest braking) [m/s²], least gap [m], time of collision [s].
     """
     import xarray as xr
 
@@ -80,7 +106,11 @@ def summary(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def braking_note(least_acceleration: Any) -> str:
-    """A sentence if vehicles (vehicle,) brake harder than any car can, else an empty one."""
+    """A sentence if vehicles brake harder than any car can, else an empty one.
+
+    Args:
+        least_acceleration: least acceleration (vehicle,) [m/s²], negative while braking.
+    """
     values = np.asarray(least_acceleration, dtype=float)
     beyond = np.flatnonzero(values < -UNPHYSICAL)
     if not beyond.size:
@@ -95,7 +125,11 @@ def braking_note(least_acceleration: Any) -> str:
 
 
 def braking_share(least_acceleration: Any) -> str:
-    """The same of many points (…, vehicle)."""
+    """A sentence on how many points brake harder than any car can, else an empty one.
+
+    Args:
+        least_acceleration: least acceleration (…, vehicle) [m/s²], negative while braking.
+    """
     values = np.asarray(least_acceleration, dtype=float)
     beyond = (values < -UNPHYSICAL).any(axis=-1)
     if not beyond.any():
@@ -123,7 +157,7 @@ def _over_time(values: xr.DataArray, form: str) -> xr.DataArray:
 
 
 def _sized(values: xr.DataArray, form: str) -> xr.DataArray:
-    """The form of an array with the dimension time: vehicles first, as forms are made of them."""
+    """One size of an array over its dimension time, by the form of its name."""
     entry = FORMS[form]
     first = ["vehicle"] if "vehicle" in values.dims else []
     ordered = values.transpose(*first, ..., "time")

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from headway.arrays import Array
 from headway.errors import HeadwayError
 from headway.metrics.extremes import FROM_ZERO, extreme_of
-from headway.metrics.inputs import Array, Signals, checked
+from headway.metrics.inputs import Signals, checked
 from headway.metrics.registry import metric
 from headway.models import Model
 from headway.sampling import trapezoid
@@ -29,10 +30,19 @@ __all__ = ["least_time_gap", "steady_error", "throughput", "time_gap"]
 def steady_error(
     dataset: xr.Dataset, signal: str = "spacing_error", window: tuple[float, float] | None = None
 ) -> xr.DataArray:
-    """Mean of `signal` (`spacing_error` or `policy_error`, in m) over `window` [s], by the trapezoid rule.
+    """Mean of an error over a part of the record, by the trapezoid rule.
 
-    The last tenth of the record if no window is given; take whole periods of an oscillation. NaN for vehicles
-    that are not known throughout the window (after a collision); `HeadwayError` if no follower is.
+    Args:
+        dataset: trajectories of a run, or a `Recording`.
+        signal: the variable, such as `spacing_error` or `policy_error` [m].
+        window: (start, end) [s]; the last tenth of the record if None. Take whole periods of an oscillation.
+
+    Returns:
+        One value a vehicle, in the unit of the signal; NaN for vehicles without a value somewhere in the window (after
+        a collision).
+
+    Raises:
+        HeadwayError: if no follower has values throughout the window.
     """
     signals = Signals(dataset, "steady_error", signal)
     last = signals.time[-1]
@@ -55,7 +65,11 @@ def steady_error(
     per="time",
 )
 def time_gap(dataset: xr.Dataset) -> xr.DataArray:
-    """Time gap `s/v` [s], (vehicle, time): infinite at standstill, NaN where there is no gap."""
+    """Time gap `s/v` [s], (vehicle, time): infinite at standstill, NaN where there is no gap.
+
+    Args:
+        dataset: trajectories of a run, with `gap` and `speed`, or a `Recording`.
+    """
     signals = Signals(dataset, "time_gap", "gap", "speed")
     return signals.series(_time_gap(signals))
 
@@ -72,6 +86,9 @@ def least_time_gap(dataset: xr.Dataset) -> xr.DataArray:
     """Least time gap [s] over time, refined between samples; below 1 s is critical.
 
     Infinite for a vehicle that never moves, NaN for the leader; after a contact (gap <= 0) nothing counts.
+
+    Args:
+        dataset: trajectories of a run, with `gap` and `speed`, or a `Recording`.
     """
     signals = Signals(dataset, "least_time_gap", "gap", "speed")
     gap = _time_gap(signals)
@@ -90,11 +107,20 @@ def _time_gap(signals: Signals) -> Array:
 
 
 def throughput(vehicle: Vehicle | Model, speed: Any, length: float | None = None, gap: Any = None) -> Any:
-    """Flow at equilibrium, `3600 v / (s_e(v) + length)` [vehicles/h], of a lane full of `vehicle` at `speed` [m/s].
+    """Flow at equilibrium [vehicles/h] of a lane full of one vehicle, `3600 v / (s_e(v) + length)`.
 
-    speed: a number, or an array (then NaN where there is no equilibrium); the result has its shape.
-    length: [m]; the vehicle's own, 5 m for a bare model, if not given. gap: [m], where every gap is an
-    equilibrium (GMM). Raises `HeadwayError` if there is no equilibrium at a single speed.
+    Args:
+        vehicle: a vehicle or a bare model.
+        speed: v [m/s], a number or an array.
+        length: length of a vehicle [m] >= 0; the vehicle's own, 5 m for a bare model, if None.
+        gap: gap [m], where every gap is an equilibrium (GMM).
+
+    Returns:
+        Flow in the shape of `speed`; NaN in an array where there is no equilibrium.
+
+    Raises:
+        HeadwayError: if there is no equilibrium at a single speed, or gap and length do not add up to a positive
+            number.
     """
     car = vehicle if isinstance(vehicle, Vehicle) else Vehicle(vehicle)
     size = car.length if length is None else checked("throughput", "length", length)

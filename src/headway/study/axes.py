@@ -24,7 +24,14 @@ Design = Literal["grid", "zip", "sobol", "latin", "random"]
 
 @dataclass(frozen=True)
 class Between:
-    """Numbers between two ends: `count` of them in a grid, or the range of a design; see `between`."""
+    """Numbers between two ends; see `between`.
+
+    Attributes:
+        low: the first.
+        high: the last.
+        count: how many in a grid; None for the range of a design.
+        log: whether they are spaced evenly in the logarithm.
+    """
 
     low: float
     high: float
@@ -32,7 +39,7 @@ class Between:
     log: bool = False
 
     def at(self, share: Any) -> Any:
-        """Numbers at shares from 0 to 1 of the way."""
+        """Numbers at shares (…,) of the way, from 0 at `low` to 1 at `high`."""
         if self.log:
             return self.low * (self.high / self.low) ** share
         return self.low + (self.high - self.low) * share
@@ -40,15 +47,22 @@ class Between:
 
 @typed
 def between(low: float, high: float, count: int | None = None, *, log: bool = False) -> Between:
-    """Values of an axis from `low` to `high`, both included: `count` in a grid, or the range of a design.
+    """Values of an axis between two ends, both included.
 
-    `log` spaces them evenly in the logarithm. Raises `HeadwayError` for ends that are not in order.
+    Args:
+        low: the first; above 0 if `log`.
+        high: the last, not below `low`.
+        count: how many in a grid, 1 or more; None for the range of a design.
+        log: whether they are spaced evenly in the logarithm.
+
+    Raises:
+        HeadwayError: for ends that are not finite numbers in order, or a count that is not a whole number of 1 or more.
     """
     return _between("axis", low, high, count, log)
 
 
 def _between(place: str, low: Any, high: Any, count: Any, log: bool) -> Between:
-    """Checked ends; errors name `place`."""
+    """A `Between` of checked ends; errors name `place`."""
     for name, value in (("from", low), ("to", high)):
         if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not -1e300 < value < 1e300:
             raise HeadwayError(f"{place}: {name} = {shorten(value)} is not a finite number")
@@ -65,7 +79,13 @@ def _between(place: str, low: Any, high: Any, count: Any, log: bool) -> Between:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """All points of a study, without a list of them: dimensions, and for each path its values along one of them."""
+    """All points of a study, without a list of them.
+
+    Attributes:
+        dims: dimension → length.
+        along: path → the dimension along which it varies.
+        values: path → its values, as long as that dimension.
+    """
 
     dims: dict[str, int]
     along: dict[str, str]  # path → dimension
@@ -82,13 +102,31 @@ class Points:
         return tuple(self.dims.values())
 
     def take(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Values of each path at points (n,), counted with the last dimension fastest."""
+        """Values of each path at some points.
+
+        Args:
+            numbers: (n,) numbers of points, counted with the last dimension fastest.
+
+        Returns:
+            path → values (n,).
+        """
         index = dict(zip(self.dims, np.unravel_index(numbers, self.shape), strict=True))
         return {path: values[index[self.along[path]]] for path, values in self.values.items()}
 
 
 def points(axes: Mapping[Any, Any], design: Design = "grid", count: int | None = None, seed: int = 0) -> Points:
-    """The points of axes; see `Study`."""
+    """The points that axes and a design describe.
+
+    Args:
+        axes: path, or paths joined by '+' or in a tuple → values, as of `Study`.
+        design: grid, zip, sobol, latin or random.
+        count: how many points; only for sobol, latin and random.
+        seed: of these designs.
+
+    Raises:
+        HeadwayError: for another design, axes that are no mapping or have no values, and a count that is missing or out
+            of place.
+    """
     if design not in get_args(Design):
         raise unknown_name("design", design, get_args(Design))
     if not isinstance(axes, Mapping):
@@ -201,7 +239,7 @@ def _zip(groups: list[dict[str, Any]]) -> Points:
 
 
 def _drawn(groups: list[dict[str, Any]], design: str, count: int, seed: int) -> Points:
-    """Each group is one coordinate of the design; a list of values is drawn from."""
+    """Points of a random or low-discrepancy design, of which each group is one coordinate."""
     shares = _shares(design, len(groups), count, seed)
     values: dict[str, np.ndarray] = {}
     for group, share in zip(groups, shares.T, strict=True):

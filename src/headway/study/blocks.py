@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.engine.plan import Lanes
 from headway.errors import HeadwayError
 from headway.metrics.registry import Metric
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_SAMPLES", "metric_values", "own_value", "stacked"]
 
-Array = NDArray[np.float64]
 
 #: samples × vehicles × lanes of one dataset
 MOST_SAMPLES = 1_000_000
@@ -59,7 +58,15 @@ def stacked(scenario: Scenario, time: Array, motion: Array, collision: Array, la
 
 
 def metric_values(metrics: Iterable[Metric], runs: xr.Dataset) -> tuple[dict[str, Array], dict[int, str]]:
-    """Values (lane, …) of each metric, and by lane why one has none."""
+    """Values of metrics of many runs at once.
+
+    Args:
+        metrics: metrics of the registry.
+        runs: trajectories along lane, vehicle and time.
+
+    Returns:
+        Values (lane, …) by name of the metric, and by lane why one has none.
+    """
     values: dict[str, Array] = {}
     reasons: dict[int, str] = {}
     count = runs.sizes["lane"]
@@ -82,7 +89,15 @@ def metric_values(metrics: Iterable[Metric], runs: xr.Dataset) -> tuple[dict[str
 
 
 def alone(metric: Metric, run: xr.Dataset) -> tuple[Any, str]:
-    """The values of a single run, NaN with a reason where there are none."""
+    """The values of a single run, NaN with a reason where there are none.
+
+    Args:
+        metric: a metric of the registry.
+        run: trajectories along vehicle and time.
+
+    Returns:
+        The values, and a sentence that is empty where nothing is amiss.
+    """
     try:
         result = metric.of(run)
     except HeadwayError as error:
@@ -92,7 +107,15 @@ def alone(metric: Metric, run: xr.Dataset) -> tuple[Any, str]:
 
 
 def own_value(metric: Metric, dataset: Any) -> Any:
-    """What a metric of one's own makes of trajectories; `HeadwayError` if it cannot."""
+    """What a metric of one's own makes of trajectories.
+
+    Args:
+        metric: the metric, a function of the user.
+        dataset: trajectories of a run.
+
+    Raises:
+        HeadwayError: if the function fails, or its result is neither a number nor along vehicle.
+    """
     try:
         result = metric.function(dataset)
         dims = tuple(getattr(result, "dims", ()))

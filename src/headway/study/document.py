@@ -24,7 +24,12 @@ _DESIGN = ("kind", "count", "seed")
 def load_study(path: str | os.PathLike[str], models: Iterable[Law] = ()) -> Study:
     """The study in a TOML file: a scenario with `[axes]` and, optionally, `[design]` and `[types.<name>]`.
 
-    Raises `HeadwayError` that names the place in the file for everything that is not allowed.
+    Args:
+        path: the file.
+        models: laws of one's own in it.
+
+    Raises:
+        HeadwayError: for everything that is not allowed, naming the place in the file.
     """
     return study_from_table(read_table(path), models, Path(path).parent)
 
@@ -32,7 +37,16 @@ def load_study(path: str | os.PathLike[str], models: Iterable[Law] = ()) -> Stud
 def study_from_table(
     table: Mapping[str, Any], models: Iterable[Law] = (), folder: str | os.PathLike[str] = "."
 ) -> Study:
-    """The study described by a table (see `docs/scaling.md`)."""
+    """The study described by a table (see `docs/scaling.md`).
+
+    Args:
+        table: the scenario's keys, and `axes`, `design` and `types`.
+        models: laws of one's own in it.
+        folder: where relative paths begin.
+
+    Raises:
+        HeadwayError: for everything that is not allowed, naming the place in the table.
+    """
     models = tuple(models)
     rest = {k: v for k, v in table.items() if k not in ("axes", "design", "types")}
     if "axes" not in table:

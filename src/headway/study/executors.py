@@ -37,7 +37,13 @@ _KINDS = ("serial", "threads", "processes", "dask://host:port")
 
 
 class Task(NamedTuple):
-    """A piece to be done: its number, the values of each path at its points, and how many there are."""
+    """A piece to be done.
+
+    Attributes:
+        number: number of the piece.
+        columns: path → values at its points.
+        points: how many points it has.
+    """
 
     number: int
     columns: Mapping[str, np.ndarray]
@@ -55,7 +61,7 @@ def cores() -> int:
 
 @contextmanager
 def workforce(job: Job, executor: Any) -> Iterator[Callable[[Iterable[Task]], Answers]]:
-    """What does tasks of a job: called with tasks, gives (number, answer) as they are ready.
+    """A function that does tasks of a job on an executor, and answers (number, piece) as pieces are ready.
 
     Args:
         job: The study without its points.
@@ -161,7 +167,7 @@ def _died(how: str) -> HeadwayError:
 
 
 class _Line(NamedTuple):
-    """What holds workers: a pipe that they watch, and who they are."""
+    """A pipe that workers watch, and the workers."""
 
     watched: Any
     workers: set[Any]
@@ -198,7 +204,7 @@ def _processes(line: _Line) -> Executor:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Who is started here never hears Ctrl-C, which is for the process that was typed at."""
+    """Start processes that never hear Ctrl-C, which is for the process that was typed at."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -246,7 +252,7 @@ def _client(address: str) -> Any:
 
 @contextmanager
 def _dask(client: Any, work: Work) -> Iterator[Callable[[Iterable[Task]], Answers]]:
-    """On a Dask cluster, which does the pieces of a worker that dies elsewhere."""
+    """Have pieces done on a Dask cluster, which moves those of a worker that dies."""
     from distributed.scheduler import KilledWorker
 
     threads = sum(client.ncores().values())
@@ -265,7 +271,7 @@ _LOCK = threading.Lock()
 
 
 class _Elsewhere:
-    """The work as something that can be sent: a job, for which the process that gets it keeps one worker."""
+    """A job that can be sent to another process, which keeps one worker for it."""
 
     def __init__(self, job: Job) -> None:
         try:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.engine.plan import Frame, Lanes, structure
 from headway.engine.run import Prepared
 from headway.errors import HeadwayError
@@ -22,7 +22,6 @@ from headway.study.templates import Origin, Template
 
 __all__ = ["Fast", "Kind", "Pool", "lanes_of", "out_of_bounds"]
 
-Array = NDArray[np.float64]
 
 #: most bytes of prepared steps that are kept for later batches
 _KEPT_BYTES = 150_000_000
@@ -33,20 +32,32 @@ _STEP_BYTES = 650
 
 @dataclass(frozen=True)
 class Fast:
-    """A parameter of laws that every lane may have for itself: the fields it is and its values (lanes,)."""
+    """A parameter of laws that every lane may have for itself.
+
+    Attributes:
+        path: name of the axis.
+        targets: the fields it stands for.
+        values: (lanes,) its values.
+    """
 
     path: str
     targets: tuple[Target, ...]
     values: Array
 
     def of(self, origin: Origin) -> str | None:
-        """The parameter that it is of vehicles described at `origin`, if of any."""
+        """Name of the parameter that the axis sets in vehicles described at `origin`, None if it sets none."""
         return next((parameter_of(t) for t in self.targets if t[:2] == origin), None)
 
 
 @dataclass(eq=False)
 class Kind:
-    """A template and what the engine knows of it."""
+    """A template and what the engine needs to know of it.
+
+    Attributes:
+        template: the scenario, and where its vehicles are described.
+        structure: equal for those whose lanes can be integrated side by side.
+        leader: equal for those behind one motion.
+    """
 
     template: Template
     structure: tuple[Any, ...]
@@ -61,13 +72,20 @@ class Kind:
 
     @functools.cached_property
     def base(self) -> Lanes:
-        """Its own numbers, as one lane."""
+        """The template's own numbers, as one lane."""
         return Lanes.of([self.template.scenario], [self.template.scenario.motion])
 
 
 @dataclass
 class Pool:
-    """Frames and prepared steps by structure and leader, the latest used; shared by threads."""
+    """Frames and prepared steps by structure and leader, the latest used; shared by threads.
+
+    Attributes:
+        frames: by structure.
+        prepared: steps by structure and leader.
+        bytes: how much memory the prepared steps take, about.
+        stop: set where nobody waits for answers any more.
+    """
 
     frames: dict[Any, Frame] = field(default_factory=dict)
     prepared: dict[Any, Prepared] = field(default_factory=dict)
@@ -75,12 +93,17 @@ class Pool:
     stop: threading.Event = field(default_factory=threading.Event)
 
     def go_on(self) -> None:
-        """Leave what is under way with `CancelledError` if nobody waits for it any more."""
+        """Raise `CancelledError` if nobody waits for answers any more."""
         if self.stop.is_set():
             raise CancelledError
 
     def frame(self, kind: Kind, extra: bool = False) -> Frame:
-        """The frame of a structure; `extra`: with the point that late accelerations take between nodes."""
+        """The frame of a structure.
+
+        Args:
+            kind: a kind of this structure.
+            extra: whether late accelerations take a point between nodes.
+        """
         key = (kind.structure, extra)
         frame = self.frames.get(key)
         if frame is None:
@@ -91,7 +114,13 @@ class Pool:
         return frame
 
     def steps(self, kind: Kind, shared: bool, extra: bool = False) -> Prepared:
-        """What is prepared for batches behind the leader of `kind`, or behind many leaders."""
+        """Prepared steps for batches behind one leader, or behind many.
+
+        Args:
+            kind: a kind of the batch.
+            shared: whether all lanes are behind the leader of `kind`.
+            extra: whether late accelerations take a point between nodes.
+        """
         self.go_on()
         key = (kind.structure, kind.leader if shared else None, extra)
         prepared = self.prepared.get(key)
@@ -108,7 +137,16 @@ class Pool:
 
 
 def out_of_bounds(kind: Kind, fast: Sequence[Fast], lanes: int) -> dict[int, str]:
-    """Why lanes are not allowed, by number: parameters that are not numbers or out of their bounds."""
+    """Why lanes are not allowed: parameters that are not numbers or out of their bounds.
+
+    Args:
+        kind: the kind of the lanes.
+        fast: the parameters that vary from lane to lane.
+        lanes: how many lanes there are.
+
+    Returns:
+        A sentence by number of the lane.
+    """
     reasons: dict[int, str] = {}
     laws = {o: v.model.law for o, v in zip(kind.template.origins, kind.template.scenario.followers, strict=True)}
     for axis in fast:
@@ -127,7 +165,16 @@ def out_of_bounds(kind: Kind, fast: Sequence[Fast], lanes: int) -> dict[int, str
 
 
 def lanes_of(kind: Kind, fast: Sequence[Fast], lanes: int) -> Lanes:
-    """The numbers of lanes of one template; gaps are NaN where the equilibrium has to be asked singly."""
+    """The numbers of lanes of one template.
+
+    Args:
+        kind: the kind of the lanes.
+        fast: the parameters that vary from lane to lane.
+        lanes: how many lanes there are.
+
+    Returns:
+        The lanes; gaps are NaN where the equilibrium has to be computed singly.
+    """
     scenario, base = kind.template.scenario, kind.base
 
     def wide(array: Array) -> Array:
@@ -173,5 +220,5 @@ def joined(parts: Sequence[Lanes]) -> Lanes:
 
 
 def chosen_lanes(lanes: Lanes, which: Any) -> Lanes:
-    """Some of the lanes: a slice or numbers."""
+    """The lanes of a slice, or of an array of numbers."""
     return Lanes(**{n: getattr(lanes, n)[..., which] for n in Lanes.__dataclass_fields__})

@@ -30,9 +30,16 @@ _VEHICLE = (*(n for n in field_names(Vehicle) if n != "model"), RADIO_DELAY)
 
 
 def resolve(path: str, table: Mapping[str, Any], laws: tuple[Law, ...], free: bool = False) -> tuple[Target, ...]:
-    """The fields that `path` names in a study's table; `HeadwayError` if it names nothing.
+    """The fields that the name of an axis stands for.
 
-    `free`: models or the leader's kind vary too, so that their fields cannot be checked beforehand.
+    Args:
+        path: the name, such as `T`, `leader.amplitude` or `followers.0.delay.vl`.
+        table: the scenario as a table, and its types of vehicles.
+        laws: the laws in it.
+        free: whether models or the leader's kind vary too, so that their fields cannot be checked beforehand.
+
+    Raises:
+        HeadwayError: if it names nothing, with the nearest name.
     """
     head, *rest = path.split(".")
     if head == ORDER and not rest:
@@ -124,10 +131,13 @@ def _of_vehicle(
 
 
 def in_order(fields: Iterable[tuple[tuple[Target, ...], Any]]) -> list[tuple[Target, Any]]:
-    """Single fields and their values as they are to be assigned: what is of all before what is of one.
+    """Fields and their values in the order of assignment, so that axes may be given in any order.
 
     A field of all vehicles comes before that of one, a whole before its parts: `delay`, then `radio_delay`, then
-    `delay.vl`. So axes may be given in any order. What decides about others, a model or a kind, comes first.
+    `delay.vl`. What decides about others, a model or a kind, comes first.
+
+    Args:
+        fields: the fields that an axis stands for, and its value.
     """
     single = [(target, value, len(targets)) for targets, value in fields for target in targets]
 
@@ -147,7 +157,17 @@ def parameter_of(target: Target) -> str | None:
 
 
 def assign(table: dict[str, Any], target: Target, value: Any, laws: tuple[Law, ...]) -> None:
-    """Put `value` into the table of one point."""
+    """Put a value into the table of one point.
+
+    Args:
+        table: the scenario as a table, which is changed.
+        target: the field.
+        value: its value.
+        laws: the laws in the table.
+
+    Raises:
+        HeadwayError: if the scenario has no such entry.
+    """
     place: Any = table
     for i, key in enumerate(target[:-1]):
         if key == "delay":

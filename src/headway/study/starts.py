@@ -34,9 +34,16 @@ def _powers(base: Any, exponent: Any) -> Any:
 
 
 def equilibrium_gaps(law: Law, parameters: Mapping[str, Any], speed: float, lanes: int) -> Array:
-    """Gaps (lanes,) [m] at `speed` [m/s] for parameters that are numbers or arrays (lanes,).
+    """Equilibrium gaps of many lanes, by the closed form of the law.
 
-    NaN where the closed form does not answer: such a lane has to be asked by itself.
+    Args:
+        law: the law.
+        parameters: its parameters, numbers or arrays (lanes,).
+        speed: [m/s].
+        lanes: how many lanes there are.
+
+    Returns:
+        (lanes,) [m]; NaN where the closed form does not answer: such a lane has to be computed by itself.
     """
     form, bounds = law.forms.get("equilibrium_gap"), law.forms.get("speed_range")
     none = np.full(lanes, np.nan)

@@ -32,17 +32,21 @@ _DESCRIPTION = "zarr.json"
 
 
 class Store:
-    """The store at `path`. `Store.open` reads what it holds, `Store.join` creates it or goes on with it."""
+    """A study on disk: `Store.open` opens what exists, `Store.join` creates it or goes on with it."""
 
     def __init__(self, path: Path, about: dict[str, Any], arrays: dict[str, Any]) -> None:
         self.path, self.about, self.arrays = path, about, arrays
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], mode: str = "r") -> Store:
-        """An existing store.
+        """The store at a path, which must exist.
+
+        Args:
+            path: its folder.
+            mode: "r", or "r+" to write pieces.
 
         Raises:
-            HeadwayError: If there is none, or its description or an array's shape or type is damaged.
+            HeadwayError: if there is none, or its description or an array's shape or type is damaged.
         """
         place = _path(path)
         try:
@@ -63,10 +67,17 @@ class Store:
     def join(
         cls, path: str | os.PathLike[str], about: dict[str, Any], axes: Mapping[str, np.ndarray], resume: bool = True
     ) -> Store:
-        """The store of the study that `about` describes, made if there is none.
+        """The store of a study, created if there is none.
+
+        Args:
+            path: its folder.
+            about: the description of the study; its `hash` says which study it is.
+            axes: path → values along its dimension.
+            resume: whether pieces that are done are kept.
 
         Raises:
-            HeadwayError: If another study's store is there, or one that has begun and `resume` is off.
+            HeadwayError: if another study's store is there, or one that has begun and `resume` is off, or the disk
+                refuses.
         """
         place = _path(path)
         with _writing(place):
@@ -99,11 +110,19 @@ class Store:
         return {int(n) for n in numbers if n.isdecimal() and int(n) < self.pieces}
 
     def damaged(self, numbers: Iterable[int]) -> set[int]:
-        """Those of the pieces with a mark whose mark or values are not what was written."""
+        """Which of the pieces numbered have a mark or values that are not what was written."""
         return {n for n in numbers if (mark := self._mark(n)) is None or not self._is_sound(n, mark, self._region(n))}
 
     def write(self, number: int, piece: Piece) -> None:
-        """Write a piece to its region, then its mark."""
+        """Write a piece to its region, then its mark.
+
+        Args:
+            number: number of the piece.
+            piece: its values.
+
+        Raises:
+            HeadwayError: if the disk refuses; what is complete stays.
+        """
         values = {n: np.where(np.isnan(v), np.nan, v) for n, v in piece.values.items()}  # one NaN, as Zarr fills in
         values["status"] = piece.status
         counts = np.bincount(piece.status, minlength=len(STATUS)).tolist()
@@ -152,7 +171,11 @@ class Store:
         return values, messages, damaged
 
     def axes(self) -> dict[str, np.ndarray]:
-        """Values of each path along its dimension; `HeadwayError` if they are damaged."""
+        """Values of each path along its dimension.
+
+        Raises:
+            HeadwayError: if they are damaged.
+        """
         import zarr
 
         axes = {}
@@ -205,7 +228,7 @@ class Store:
         return values is not None and mark["values"] == self._digest(number, values)
 
     def _digest(self, number: int, values: Mapping[str, np.ndarray]) -> str:
-        """SHA-256 of values by array, of which study and of which piece they are."""
+        """SHA-256 of values by array, bound to the study and the piece."""
         digest = hashlib.sha256(f"{self.about['hash']} {number}".encode())
         for name in sorted(values):
             digest.update(f"\n{name}\n".encode())
@@ -320,7 +343,7 @@ def _create(place: Path, about: dict[str, Any], axes: Mapping[str, np.ndarray]) 
 
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
-    """Turn what a disk says into one sentence."""
+    """Turn an error of the disk into one sentence."""
     try:
         yield
     except OSError as error:

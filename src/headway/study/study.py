@@ -25,11 +25,12 @@ from headway.study.axes import HUGE, Design, Points, points
 from headway.study.blocks import own_value
 from headway.study.executors import Task, workforce
 from headway.study.paths import Target, resolve
+from headway.study.pieces import PARTS, check_chunk, check_shard, piece_size
 from headway.study.results import assembled
 from headway.study.store import Store
 from headway.study.templates import TemplateTable
 from headway.study.verdicts import VERDICTS, TheoryJob
-from headway.study.work import PENDING, Job, Worker, batch_size
+from headway.study.work import PENDING, Job, Worker
 from headway.version import __version__
 
 if TYPE_CHECKING:
@@ -37,38 +38,34 @@ if TYPE_CHECKING:
 
 __all__ = ["Study", "open_study"]
 
-#: seconds of one core that a piece is to take, and those of one follower and step, about
-_PIECE_TIME, _STEP_TIME = 0.4, 7e-9
-
-#: most points of a piece, of one whose trajectories are measured, and of one that is run point by point
-_MOST, _MOST_WHOLE, _MOST_OWN = 16_384, 2048, 64
-
 #: raised where stores are laid out or numbers are computed otherwise
 _FORMAT = 2
-
-#: a piece is at most this part of a study, so that there is something to share out
-_PARTS = 16
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
     """A scenario and axes over any of its fields.
 
-    axes: mapping from the path of a field to its values. A path is that of `--set` in a scenario
-        file (`leader.amplitude`, `followers.0.parameters.T`, `seed`), or short for all followers:
-        `T` for a parameter, `delay` (of all that is measured on board, the radio current: what
-        `Vehicle(delay=x)` means), `radio_delay` (of all that is heard by radio, the rest as it is),
-        `delay.vl` (of one signal), `lag`. `order` is the order of vehicles, front to back (numbers
-        from 1, or the seed of a random order; `original_vehicle` in the dataset says who stands
-        where); `share.<type>` the share of followers of a type (one of `types`, or the name of a
-        model in the scenario), at places drawn by the scenario's seed. Values are a list or
-        `between(low, high, count)`. A key of several paths, `("T", "a")` or `"T+a"`, has one list
-        for each, which are zipped.
-    design: `"grid"`, `"zip"`, or `count` points drawn by `"sobol"`, `"latin"` or `"random"` with `seed`.
-    types: vehicles by name, for `share` and for axes such as `types.truck.parameters.T`.
+    A path of an axis is that of `--set` in a scenario file (`leader.amplitude`, `followers.0.parameters.T`, `seed`), or
+    short for all followers: `T` for a parameter, `delay` (of all that is measured on board, the radio current: what
+    `Vehicle(delay=x)` means), `radio_delay` (of all that is heard by radio, the rest as it is), `delay.vl` (of one
+    signal), `lag`. `order` is the order of vehicles, front to back (numbers from 1, or the seed of a random order;
+    `original_vehicle` in the dataset says who stands where); `share.<type>` the share of followers of a type (one of
+    `types`, or the name of a model in the scenario), at places drawn by the scenario's seed. Values are a list or
+    `between(low, high, count)`. A key of several paths, `("T", "a")` or `"T+a"`, has one list for each, which are
+    zipped.
 
-    Raises `HeadwayError` for axes that name nothing or do not fit together. Points at which a value
-    is not allowed are marked when the study runs.
+    Attributes:
+        scenario: what every point has but for its axes.
+        axes: path → values.
+        design: `"grid"`, `"zip"`, or points drawn by `"sobol"`, `"latin"` or `"random"`.
+        count: how many points are drawn.
+        seed: of the draw, 0 or more.
+        types: vehicles by name, for `share` and for axes such as `types.truck.parameters.T`.
+
+    Raises:
+        HeadwayError: for axes that name nothing or do not fit together. Points at which a value is not allowed are
+            marked when the study runs.
     """
 
     scenario: Scenario
@@ -117,13 +114,17 @@ class Study:
 
     @typed
     def scenario_at(self, point: int) -> Scenario:
-        """The scenario of a point, counted from 0 with the last dimension fastest; `HeadwayError` if not allowed."""
+        """The scenario of a point, counted from 0 with the last dimension fastest.
+
+        Raises:
+            HeadwayError: if there is no such point, or its values are not allowed.
+        """
         self._check_point(point)
         return Worker(self._job(())).scenario(self.points.take(np.array([point])), 0)
 
     @typed
     def trajectories(self, keep: Iterable[int]) -> xr.Dataset:
-        """Trajectories of some points, with the dimensions (kept, vehicle, time)."""
+        """Trajectories of the points numbered in `keep`, along kept, vehicle and time."""
         import xarray as xr
 
         from headway.engine.simulate import simulate
@@ -154,28 +155,31 @@ class Study:
     ) -> xr.Dataset:
         """Simulate all points; a dataset with the axes as dimensions (or `point`, for designs).
 
-        metrics: names such as `peak_spacing_error`, `ttc` or `tet(threshold=4)` (docs/metrics.md lists them all),
-            or functions of a dataset of trajectories; those of `headway run` if None.
-        executor: `"threads"` (one for each core), `"serial"`, `"processes"`, `"dask://host:port"`, a
-            `distributed.Client` or any `concurrent.futures.Executor`. All give the same bits.
-        shard: (i, n), do the i-th of n parts (from 1) of the pieces, into a shared `store`.
-        store: path of a Zarr store that is written piece by piece; a study that was killed goes on
-            there, unless `resume` is off.
-        chunk: points of a piece; chosen by time and memory if None. It changes no bits.
-        keep: numbers of points whose trajectories are kept too, over (kept, vehicle, time).
-        progress: called as progress(points done, points to do) after every piece.
+        Each point has a `status` (ok, collision, invalid, failed, or pending) and a `message`.
 
-        Each point has a `status` (ok, collision, invalid, failed, or pending) and a `message`. Raises
-        `HeadwayError` for a store of another study, a disk that is full, an executor that cannot be had.
+        Args:
+            metrics: names such as `peak_spacing_error`, `ttc` or `tet(threshold=4)` (docs/metrics.md lists them all),
+                or functions of a dataset of trajectories; those of `headway run` if None.
+            executor: `"threads"` (one for each core), `"serial"`, `"processes"`, `"dask://host:port"`, a
+                `distributed.Client` or any `concurrent.futures.Executor`. All give identical bits.
+            shard: (i, n), do the i-th of n parts (from 1) of the pieces, into a shared `store`.
+            store: path of a Zarr store that is written piece by piece; a study that was killed goes on there.
+            resume: whether it may go on there.
+            chunk: points of a piece; chosen by time and memory if None. It changes no bits.
+            keep: numbers of points whose trajectories are kept too, over (kept, vehicle, time).
+            progress: called as progress(points done, points to do) after every piece.
+
+        Raises:
+            HeadwayError: for a store of another study, a disk that is full, an executor that cannot be had.
         """
         selection = chosen(metrics, DEFAULT)
         job = self._job(selection)
         if shard is not None:
-            _check_shard(shard, store)
+            check_shard(shard, store)
         numbers = list(keep)
         for point in numbers:
             self._check_point(point)
-        size = self._piece_size(selection) if chunk is None else _whole(chunk)
+        size = piece_size(self.scenario, selection, self.points.count) if chunk is None else check_chunk(chunk)
         values, messages = self._perform(job, size, executor, shard, store, resume, progress)
         result = assembled(self.points, values, messages, _described(selection), self._attrs(), self._groups)
         if not numbers:
@@ -184,16 +188,20 @@ class Study:
         return result.merge(runs, combine_attrs="override", join="outer")
 
     def stability(self, executor: Any = "threads", *, progress: Callable[[int, int], Any] | None = None) -> xr.Dataset:
-        """The same points by exact theory, at the speed of the platoon before t = 0.
+        """All points by exact theory, at the speed of the platoon before t = 0.
 
-        A dataset with the same dimensions: `locally_stable`, `string_stable` (strictly, every
-        vehicle) and `head_to_tail_stable` (1 or 0), `margin` [1/s²], `decay_rate` [1/s] and
-        `head_to_tail_gain`. `executor` and `progress` as for `run`.
+        Args:
+            executor: as of `run`.
+            progress: as of `run`.
+
+        Returns:
+            A dataset with the dimensions of `run`: `locally_stable`, `string_stable` (strictly, every vehicle) and
+            `head_to_tail_stable` (1 or 0), `margin` [1/s²], `decay_rate` [1/s] and `head_to_tail_gain` [1].
         """
         job = TheoryJob(
             self.scenario, tuple(self.types.items()), self._fields, (), tuple((n, False) for n in VERDICTS), 0
         )
-        size = max(1, min(256, math.ceil(self.points.count / _PARTS)))
+        size = max(1, min(256, math.ceil(self.points.count / PARTS)))
         values, messages = self._perform(job, size, executor, None, None, True, progress)
         return assembled(self.points, values, messages, VERDICTS, self._attrs())
 
@@ -280,20 +288,9 @@ class Study:
                     most[int(target[1])] = max(values, default=1)
         return sum(most)
 
-    def _piece_size(self, metrics: tuple[Metric, ...]) -> int:
-        """Points of a piece, by time; it depends on the study alone."""
-        scenario = self.scenario
-        work = len(scenario.followers) * scenario.end / scenario.step * _STEP_TIME
-        alone = any(m.own for m in metrics)
-        most = _MOST if all(m.reduced is not None for m in metrics) else _MOST_OWN if alone else _MOST_WHOLE
-        most = min(most, max(1, int(_PIECE_TIME / work)))
-        size = max(1, min(most, math.ceil(self.points.count / _PARTS)))
-        batch = batch_size(scenario)
-        return size if size < batch else -(-size // batch) * batch
-
     @functools.cached_property
     def hash(self) -> str:
-        """SHA-256 of what the study is: its scenario, its types, its points; not of what is measured."""
+        """SHA-256 of scenario, types and points; what is measured is not in it."""
         digest = hashlib.sha256(self.scenario.hash.encode())
         for name, vehicle in sorted(self.types.items()):
             alone = Scenario(self.scenario.leader, [vehicle], duration=self.scenario.duration, gaps=1.0)
@@ -338,7 +335,14 @@ class Study:
 
 @typed
 def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
-    """What a store holds so far, as `Study.run` gives it; `HeadwayError` if it is not a store of a study."""
+    """What a store holds so far, as `Study.run` gives it.
+
+    Args:
+        path: the folder of the store.
+
+    Raises:
+        HeadwayError: if it is not a store of a study, or is damaged.
+    """
     store = Store.open(path)
     about = store.about
     values, messages, damaged = store.read()
@@ -350,7 +354,7 @@ def open_study(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def _intact(store: Store, numbers: Iterable[int]) -> set[int]:
-    """Those of the pieces that are done; what is damaged is said and left to be done anew."""
+    """Numbers of the pieces that are done; the damaged are warned of and left to be done anew."""
     done = store.complete() & set(numbers)
     damaged = store.damaged(done)
     if damaged:
@@ -371,20 +375,3 @@ def _described(metrics: Iterable[Metric]) -> dict[str, tuple[str, str]]:
 def _empty(job: Job, count: int) -> dict[str, np.ndarray]:
     values = {n: np.full((count, job.vehicles) if wide else (count,), np.nan) for n, wide in job.shapes}
     return values | {"status": np.full(count, PENDING, dtype=np.int8)}
-
-
-def _whole(chunk: Any) -> int:
-    if isinstance(chunk, bool) or not isinstance(chunk, int) or chunk < 1:
-        raise HeadwayError(f"chunk = {shorten(chunk)} is not a whole number of points, 1 or more")
-    return chunk
-
-
-def _check_shard(shard: Any, store: Any) -> None:
-    try:
-        i, n = (int(x) for x in shard)
-    except (TypeError, ValueError):
-        raise HeadwayError(f"shard = {shorten(shard)} is not a pair (i, n)") from None
-    if not 1 <= i <= n:
-        raise HeadwayError(f"shard {i}/{n} does not exist; shards are 1/{n} to {n}/{n}")
-    if store is None:
-        raise HeadwayError(f"shard {i}/{n} needs a store, where the shards meet")

@@ -1,4 +1,4 @@
-"""Scenarios of single points, and what is known of each vehicle in them."""
+"""Scenarios of single points, and where each of their vehicles is described."""
 
 from __future__ import annotations
 
@@ -24,7 +24,12 @@ Origin = Target
 
 @dataclass(frozen=True)
 class Template:
-    """A scenario, and for each follower where it is described."""
+    """A scenario, and for each follower where it is described.
+
+    Attributes:
+        scenario: the scenario.
+        origins: for each follower the place in the table of the study.
+    """
 
     scenario: Scenario
     origins: tuple[Origin, ...]
@@ -43,7 +48,14 @@ class TemplateTable:
         self.laws: tuple[Law, ...] = tuple({v.model.law.name: v.model.law for v in everyone}.values())
 
     def template(self, values: Iterable[tuple[tuple[Target, ...], Any]]) -> Template:
-        """The scenario in which each field has its value; `HeadwayError` if that is not allowed."""
+        """The scenario in which each field has its value.
+
+        Args:
+            values: fields of an axis, and their value.
+
+        Raises:
+            HeadwayError: if a value is not allowed.
+        """
         values = list(values)
         if not values:
             groups = enumerate(self.table["followers"])
@@ -109,7 +121,15 @@ def _mixed(everyone: list[Car], kinds: dict[str, Car], shares: dict[str, float],
 
 
 def vehicle_order(order: Any, count: int) -> list[int]:
-    """Numbers of `count` vehicles front to back; `order` is such a list, or the seed of a random one."""
+    """Numbers of vehicles front to back.
+
+    Args:
+        order: the numbers 1 to `count` in some order, or the seed of a random one.
+        count: how many vehicles there are.
+
+    Raises:
+        HeadwayError: for anything else.
+    """
     if isinstance(order, int) and not isinstance(order, bool) and order >= 0:
         stream = np.random.default_rng(np.random.SeedSequence(order, spawn_key=(2,)))
         return [int(i) + 1 for i in stream.permutation(count)]

@@ -1,4 +1,4 @@
-"""The same points by exact linear theory instead of simulation."""
+"""A study by exact linear theory instead of simulation."""
 
 from __future__ import annotations
 
@@ -32,16 +32,22 @@ VERDICTS = {
 
 @dataclass(frozen=True)
 class TheoryJob(Job):
-    """A study by theory: the same points, `VERDICTS` of each."""
+    """A study by linear theory: its points have `VERDICTS` instead of metrics."""
 
     def worker(self) -> Any:
-        """What does pieces of it, called as a `Worker`."""
+        """A worker by theory, called as a `Worker`."""
         return StudyTheory(self)
 
 
 @dataclass
 class StudyTheory:
-    """Does pieces of one job; strings that many points share are looked at once."""
+    """Does pieces of one job by theory; strings that many points share are analysed once.
+
+    Attributes:
+        job: the study without its points.
+        chains: verdicts of strings, by what they are.
+        stop: set where nobody waits for answers any more.
+    """
 
     job: Job
     chains: dict[Any, dict[str, float]] = field(default_factory=dict)
@@ -82,7 +88,7 @@ class StudyTheory:
 
 
 def string_verdicts(chain: Chain) -> dict[str, float]:
-    """What theory says of a string, by name of `VERDICTS`: its vehicles by the compiled sweep, as maps do."""
+    """Verdicts of theory on a string, by name of `VERDICTS`: its vehicles by the compiled sweep, as maps do."""
     from headway.theory import sweep
 
     rows = sweep.rows_of(list(dict.fromkeys(chain.vehicles)), local=True)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from headway.arrays import Array
 from headway.engine.measured import Measured, Measurement
 from headway.engine.plan import Lanes, Plan
 from headway.engine.run import Prepared, Run
@@ -31,7 +32,6 @@ from headway.study.templates import TemplateTable
 
 __all__ = ["COLLIDED", "FAILED", "INVALID", "OK", "STATUS", "Job", "Piece", "Worker", "plain"]
 
-Array = NDArray[np.float64]
 
 #: what became of a point
 STATUS = ("ok", "collision", "invalid", "failed", "pending")
@@ -46,7 +46,16 @@ _TEMPLATES = 4096
 
 @dataclass(frozen=True)
 class Job:
-    """A study without its points: its scenario, the fields that vary, and what is wanted. Goes to every worker once."""
+    """A study without its points: what every worker gets once.
+
+    Attributes:
+        scenario: what every point has but for its axes.
+        types: vehicles by name.
+        fields: path → fields that it stands for.
+        metrics: what is measured.
+        shapes: metric → whether it has a value for each vehicle.
+        vehicles: most vehicles of a point, the leader included.
+    """
 
     scenario: Scenario
     types: tuple[tuple[str, Vehicle], ...]
@@ -56,12 +65,18 @@ class Job:
     vehicles: int  # most vehicles of a point, the leader included
 
     def worker(self) -> Any:
-        """What does pieces of it: called with values of each path and the number of points, gives a `Piece`."""
+        """A worker for the job: called with values of each path and the number of points, it gives a `Piece`."""
         return Worker(self)
 
 
 class Piece(NamedTuple):
-    """What a worker answers: values by metric (points, vehicles) or (points,), what became of each point, and why."""
+    """What a worker answers.
+
+    Attributes:
+        values: by metric, (points, vehicles) or (points,).
+        status: (points,) index in `STATUS` of what became of each point.
+        messages: why, by number of the point in the piece.
+    """
 
     values: dict[str, Array]
     status: NDArray[np.int8]
@@ -94,7 +109,15 @@ class Worker:
     # -- single points ---------------------------------------------------------------------------
 
     def scenario(self, columns: Mapping[str, np.ndarray], i: int) -> Scenario:
-        """The scenario of point `i`; `HeadwayError` if there is none."""
+        """The scenario of a point.
+
+        Args:
+            columns: path → values.
+            i: number of the point among them.
+
+        Raises:
+            HeadwayError: if a value is not allowed.
+        """
         self.pool.go_on()
         return self.table.template([(t, plain(columns[p][i])) for p, t in self.job.fields]).scenario
 
@@ -120,7 +143,7 @@ class Worker:
     def _by_template(
         self, columns: Mapping[str, np.ndarray], count: int, piece: Piece
     ) -> list[tuple[Kind, NDArray[np.int64]]]:
-        """Points by what they share beside parameters of laws; those that are not allowed are noted."""
+        """Group points by their values beside parameters of laws; refuse those that are not allowed."""
         slow = [(p, t) for p, t in self.job.fields if p not in self.fast]
         if not slow:
             kind = self._kind([])
@@ -168,7 +191,7 @@ class Worker:
         return kind
 
     def _whole(self, columns: Mapping[str, np.ndarray], i: int) -> Kind | str:
-        """The same of a single point with all its values."""
+        """The template of a single point with all its values, or why there is none."""
         try:
             return Kind.of(self.table.template([(t, plain(columns[p][i])) for p, t in self.job.fields]))
         except HeadwayError as error:
@@ -181,7 +204,7 @@ class Worker:
     def _group(
         self, parts: list[tuple[Kind, NDArray[np.int64]]], columns: Mapping[str, np.ndarray], piece: Piece
     ) -> None:
-        """Points of one structure."""
+        """Run points of one structure."""
         kinds: list[Kind] = []
         which: list[NDArray[np.int64]] = []
         numbers: list[NDArray[np.int64]] = []
@@ -225,7 +248,7 @@ class Worker:
         self, kinds: list[Kind], which: NDArray[np.int64], points: NDArray[np.int64], lanes: Lanes,
         columns: Mapping[str, np.ndarray], piece: Piece, extra: bool = False,
     ) -> None:  # fmt: skip
-        """Lanes of one structure, a batch at a time; `extra`: with what events and late accelerations take together."""
+        """Run lanes of one structure in batches; `extra`: with what events and late accelerations take together."""
         frame = self.pool.frame(kinds[0], extra)
         size = batch_size(frame.scenario)
         parts: list[Measurement] = []
@@ -260,7 +283,7 @@ class Worker:
         self, kinds: list[Kind], which: NDArray[np.int64], points: NDArray[np.int64], lanes: Lanes,
         columns: Mapping[str, np.ndarray], piece: Piece, extra: bool = False,
     ) -> None:  # fmt: skip
-        """Lanes of one structure with their trajectories, as many at once as fit; a block has one leader."""
+        """Run lanes of one structure with their trajectories, as many at once as fit; a block has one leader."""
         frame = self.pool.frame(kinds[0], extra)
         vehicles = lanes.gaps.shape[0] + 1
         size = max(1, min(batch_size(frame.scenario), MOST_SAMPLES // (int(frame.mesh.record.sum()) * vehicles)))
@@ -296,7 +319,7 @@ class Worker:
         piece.messages.update({int(points[lane]): text for lane, text in reasons.items()})
 
     def _run(self, plan: Plan, prepared: Prepared) -> Measured:
-        """A run of a plan, in the memory of this thread's last one where that fits."""
+        """Run a plan, in the memory of this thread's last run where that fits."""
         last: Measured | None = getattr(self.last, "run", None)
         if (
             last is not None
@@ -311,7 +334,7 @@ class Worker:
         return self.last.run
 
     def _alone(self, columns: Mapping[str, np.ndarray], i: int, piece: Piece) -> None:
-        """A point by itself, with its events and its trajectories."""
+        """Run a point by itself, with its events and its trajectories."""
         for values in piece.values.values():
             values[i] = np.nan
         try:
@@ -370,5 +393,5 @@ def _codes(values: np.ndarray) -> NDArray[np.int64]:
 
 
 def plain(value: Any) -> Any:
-    """A number of NumPy's as one of Python's."""
+    """A NumPy scalar as a Python number; anything else as it is."""
     return value.item() if isinstance(value, np.generic) else value

@@ -35,7 +35,15 @@ _TO_SI = {"speed_kmh": (1.0, 3.6), "speed_mph": (0.44704, 1.0)}  # m/s = value *
 
 @dataclass(frozen=True, eq=False)
 class DrivingCycle:
-    """A speed profile: time (T,) [s] from 0 in steps of 1 s, and speed (T,) [m/s]; both are read-only."""
+    """A speed profile in steps of 1 s from 0; its arrays are read-only.
+
+    Attributes:
+        name: one of `CYCLES`.
+        title: the name in full.
+        source: where its figures come from.
+        time: (T,) [s].
+        speed: (T,) [m/s] >= 0.
+    """
 
     name: str
     title: str
@@ -45,7 +53,14 @@ class DrivingCycle:
 
 
 def cycle_file(name: str) -> Path:
-    """The path of a cycle's table; HeadwayError for an unknown name."""
+    """The path of a cycle's table.
+
+    Args:
+        name: one of `CYCLES`.
+
+    Raises:
+        HeadwayError: for another name.
+    """
     if name not in _TITLES:
         raise unknown_name("cycle", name, CYCLES)
     return Path(str(files(__package__) / f"{name}.csv"))
@@ -54,7 +69,14 @@ def cycle_file(name: str) -> Path:
 @typed
 @cache
 def load_cycle(name: str) -> DrivingCycle:
-    """The cycle called `name`, one of `CYCLES`; HeadwayError for another name."""
+    """The speed profile of a standard drive cycle.
+
+    Args:
+        name: one of `CYCLES`.
+
+    Raises:
+        HeadwayError: for another name.
+    """
     path = cycle_file(name)
     with path.open(encoding="utf-8") as stream:
         column = stream.readline().strip().split(",")[1]
