@@ -17,7 +17,7 @@ from headway.scenario.vehicle import Vehicle
 if TYPE_CHECKING:
     from headway.calibration.fit import Fit
 
-__all__ = ["fits_table", "fits_toml", "load_followers", "save"]
+__all__ = ["fits_table", "fits_toml", "load_followers", "save_fits"]
 
 
 def fits_toml(fits: Sequence[Fit]) -> str:
@@ -33,7 +33,7 @@ def fits_table(fits: Sequence[Fit]) -> dict[str, Any]:
 
 
 @typed
-def save(fits: Sequence[Fit], path: str | os.PathLike[str]) -> Path:
+def save_fits(fits: Sequence[Fit], path: str | os.PathLike[str]) -> Path:
     """Write fits as TOML that a scenario accepts.
 
     Args:

@@ -161,9 +161,9 @@ class Fit:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write `to_toml` to a file that ends in .toml; returns its path."""
-        from headway.calibration.document import save
+        from headway.calibration.document import save_fits
 
-        return save([self], path)
+        return save_fits([self], path)
 
 
 @typed

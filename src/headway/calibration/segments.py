@@ -13,6 +13,7 @@ from headway.arrays import Array
 from headway.data.checks import MISMATCH, check
 from headway.data.recording import Recording
 from headway.errors import HeadwayError
+from headway.sampling import areas
 from headway.scenario.recorded import Recorded
 
 __all__ = ["LONGEST_STEP", "Segment", "Window", "cut"]
@@ -153,7 +154,7 @@ def _agreement(record: Recording, vehicle: int, notes: list[str]) -> None:
     """Note where gap and speeds tell different stories, and how good a gap error can then be."""
     relative = record.speed[vehicle - 1] - record.speed[vehicle]
     step = np.diff(record.time)
-    off = np.diff(record.gap[vehicle]) - step * (relative[1:] + relative[:-1]) / 2
+    off = np.diff(record.gap[vehicle]) - areas(record.time, relative)
     off = off[np.isfinite(off) & (np.abs(off) < _JUMP)]
     if not off.size:
         return

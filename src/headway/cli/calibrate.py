@@ -69,7 +69,7 @@ def calibrate(
     tests = [parse.window("--test", text) if parse.is_window(text) else text for text in test or []]
     bounds = parse.ranges("--bound", bound)
 
-    from headway.calibration.document import save
+    from headway.calibration.document import save_fits
     from headway.calibration.fit import calibrate as fit_vehicle
     from headway.data.readers import read
 
@@ -92,7 +92,7 @@ def calibrate(
             )  # fmt: skip
         if not json:
             print(fits[-1].report(), end="\n\n" if n != followers[-1] else "\n")
-    written = [save(fits, out)] if out is not None else []
+    written = [save_fits(fits, out)] if out is not None else []
     if figure is not None:
         written += _draw(fits, figure)
     if json:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from headway.checked import typed
 from headway.data.recording import Floats, Recording
+from headway.sampling import areas
 
 __all__ = ["Finding", "check"]
 
@@ -174,7 +175,7 @@ def _motion(recording: Recording) -> Iterator[Finding]:
 def _increments(time: Floats, value: Floats, rate: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Change of `value` over each step, the trapezoid of `rate`, and where both are finite."""
     change = np.diff(value)
-    expected = np.diff(time) * (rate[1:] + rate[:-1]) / 2
+    expected = areas(time, rate)
     return change, expected, np.isfinite(change) & np.isfinite(expected)
 
 

@@ -35,6 +35,7 @@ from headway.data.tables import (
     need_columns,
     need_plausible,
     need_rising,
+    need_two_times,
     no_column,
     number_column,
     read_csv,
@@ -233,8 +234,7 @@ def _pivoted(
     for n, rows in enumerate(rows_of):
         need_rising(values["time"][rows], lines[rows], place, f" of {names[n]}" if len(rows_of) > 1 else "")
     time = np.unique(values["time"])
-    if time.size < 2:
-        raise HeadwayError(f"{place}: there is one time only, {time[0]:g} s; a recording needs at least two")
+    need_two_times(time, place)
     finest = min((np.median(np.diff(values["time"][rows])) for rows in rows_of if rows.size > 1), default=0.0)
     if np.median(np.diff(time)) < 0.75 * finest:
         raise HeadwayError(
@@ -323,8 +323,7 @@ def _read_openacc(
             )
     time = to_si(number_column(frame, "Time", place, missing=False), "time", stated.get("time", "s"))
     need_rising(time, np.asarray(frame.index), place)
-    if time.size < 2:
-        raise HeadwayError(f"{place}: there is one time only, {time[0]:g} s; a recording needs at least two")
+    need_two_times(time, place)
     speed = np.array([number_column(frame, f"Speed{n + 1}", place) for n in range(vehicles)])
     gap = np.full_like(speed, np.nan)
     for n, column in enumerate(spacings):

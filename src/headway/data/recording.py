@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.errors import HeadwayError, shorten
+from headway.sampling import areas
 from headway.schema import describe
 
 if TYPE_CHECKING:
@@ -270,8 +271,7 @@ def start_of(gap: Floats, speed: Floats) -> Floats:
 
 def _integral(time: Floats, speed: Floats) -> Floats:
     """Trapezoidal integral of speed from 0 at the first time; NaN from the first NaN on."""
-    steps = np.diff(time) * (speed[1:] + speed[:-1]) / 2
-    return np.concatenate(([0.0 * speed[0]], np.cumsum(steps)))
+    return np.concatenate(([0.0 * speed[0]], np.cumsum(areas(time, speed))))
 
 
 def _snapped(grid: Floats, time: Floats, tolerance: float) -> Floats:

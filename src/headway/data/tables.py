@@ -307,6 +307,16 @@ def need_rising(time: Floats, lines: NDArray[Any], place: str, who: str = "") ->
     raise HeadwayError(f"{place}, line {lines[k + 1]}: time {time[k + 1]:.10g} s{who} {fault}; times must rise")
 
 
+def need_two_times(time: Floats, place: str) -> None:
+    """Refuse a file whose rows (T,) [s] are all of one time.
+
+    Raises:
+        HeadwayError: naming that time.
+    """
+    if time.size < 2:
+        raise HeadwayError(f"{place}: there is one time only, {time[0]:g} s; a recording needs at least two")
+
+
 def need_plausible(time: Floats, speed: Floats, stated: Mapping[str, str], place: str) -> None:
     """Refuse numbers that look like another unit; a unit stated by the user is believed.
 

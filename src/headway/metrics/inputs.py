@@ -20,7 +20,10 @@ from headway.schema import VARIABLES, describe
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Reference", "Signals", "bounds", "checked", "meaning", "positive", "trajectories", "unit_of"]
+__all__ = [
+    "Reference", "Signals", "bounds", "checked", "meaning", "need_dimensions", "need_variable", "positive",
+    "trajectories", "unit_of",
+]  # fmt: skip
 
 Reference = Literal["predecessor", "leader"]
 
@@ -52,6 +55,29 @@ def trajectories(value: Any, place: str) -> xr.Dataset:
     raise HeadwayError(f"{place} needs the dataset of a run (hw.simulate, hw.open_results) or a Recording, not {kind}")
 
 
+def need_variable(dataset: xr.Dataset, name: str, measure: str) -> None:
+    """Refuse a dataset without the variable `name`, which `measure` needs.
+
+    Raises:
+        HeadwayError: naming the variables that the dataset has.
+    """
+    if name not in dataset:
+        held = ", ".join(map(str, dataset)) or "none"
+        raise HeadwayError(f"{measure} needs the variable {name!r}; this dataset has {held}")
+
+
+def need_dimensions(array: xr.DataArray, needed: tuple[str, ...], measure: str, place: str) -> None:
+    """Refuse an array (called `place`) without one of the dimensions that `measure` needs.
+
+    Raises:
+        HeadwayError: naming the first that is missing, and those that the array has.
+    """
+    for dim in needed:
+        if dim not in array.dims:
+            dims = ", ".join(map(str, array.dims)) or "none"
+            raise HeadwayError(f"{measure} needs the dimension {dim}; {place} has {dims}")
+
+
 class Signals:
     """Variables of a dataset as arrays (…, vehicle, time) that share all dimensions.
 
@@ -70,15 +96,10 @@ class Signals:
 
         self.measure = measure
         for name in names:
-            if name not in dataset:
-                held = ", ".join(map(str, dataset)) or "none"
-                raise HeadwayError(f"{measure} needs the variable {name!r}; this dataset has {held}")
+            need_variable(dataset, name, measure)
         arrays = xr.broadcast(*(dataset[name] for name in names))
         self._like = arrays[0]
-        for dim in ("vehicle", "time"):
-            if dim not in self._like.dims:
-                dims = ", ".join(map(str, self._like.dims)) or "none"
-                raise HeadwayError(f"{measure} needs the dimension {dim}; {names[0]!r} has {dims}")
+        need_dimensions(self._like, ("vehicle", "time"), measure, repr(names[0]))
         ordered = [a.transpose(..., "vehicle", "time") for a in arrays]
         self._ordered = ordered[0]
         self.time = np.asarray(dataset["time"].values, dtype=float)

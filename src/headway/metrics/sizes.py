@@ -15,7 +15,7 @@ import numpy as np
 from headway.arrays import Array
 from headway.engine.measured import QUANTITIES
 from headway.errors import HeadwayError, shorten
-from headway.metrics.inputs import bounds, trajectories
+from headway.metrics.inputs import bounds, need_dimensions, need_variable, trajectories
 from headway.metrics.reduction import FORMS, extremes
 from headway.metrics.registry import METRICS, Metric, Reduced, register
 from headway.schema import VARIABLES
@@ -149,10 +149,7 @@ def _over_time(values: xr.DataArray, form: str) -> xr.DataArray:
             f"{name} needs one variable of a run, such as run.speed; {shorten(values, 40)} is a {type(values).__name__}"
         )
     needed = ("vehicle", "time") if form.endswith("ratio") else ("time",)
-    for dim in needed:
-        if dim not in values.dims:
-            dims = ", ".join(map(str, values.dims)) or "none"
-            raise HeadwayError(f"{name} needs the dimension {dim}; this array has {dims}")
+    need_dimensions(values, needed, name, "this array")
     return _sized(values, form)
 
 
@@ -183,9 +180,7 @@ def _collision_time(dataset: Any) -> xr.DataArray:
 
 def _variable(dataset: Any, variable: str, metric: str) -> xr.DataArray:
     data = trajectories(dataset, metric)
-    if variable not in data:
-        held = ", ".join(map(str, data)) or "none"
-        raise HeadwayError(f"{metric} needs the variable {variable!r}; this dataset has {held}")
+    need_variable(data, variable, metric)
     return data[variable]
 
 
