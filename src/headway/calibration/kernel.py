@@ -49,7 +49,7 @@ def follow(
 
     Args:
         address: of the compiled law.
-        codes: (S,) what each signal is.
+        codes: (S, columns) the row of `SIGNAL_TABLE` of each signal.
         same: (S,) the earlier signal with the same own speed, -1 if there is none.
         shift: (2 S, B) whole steps back, of each half of a signal.
         weight: (2 S, 5, B) weights of the past, of each half of a signal.
