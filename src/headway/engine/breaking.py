@@ -11,6 +11,7 @@ Differential Equations, 2003, ch. 2; theory: Σ m_i τ_i.)
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -111,8 +112,39 @@ def _of_follower(
         + [shifted(j, d, q, lag) for k, (j, lag) in enumerate(ahead, start=1) for d, q in hops(vehicle, k)]
         + [shifted(leader, d, q, False) for d, q in hops(vehicle, LEADER)]
     )
+    own, lag = hops(vehicle, OWN), vehicle.lag > 0
+    least = min((round(d / TICK) for d, q in own if q + lag == 0), default=0)
+    if least and limit > least * found.tick.size:
+        return _echoes(found, [(round(d / TICK), q + lag) for d, q in own], limit)
     while True:
-        more = merge([found] + [shifted(found, d, q, vehicle.lag > 0) for d, q in hops(vehicle, OWN)])
+        more = merge([found] + [shifted(found, d, q, lag) for d, q in own])
         if np.array_equal(more.tick, found.tick) and np.array_equal(more.order, found.order):
             return found
         found = more
+
+
+def _echoes(jumps: Jumps, hops: Sequence[tuple[int, int]], limit: int) -> Jumps:
+    """All echoes up to `limit` [ticks], one after another: of an acceleration they never end, and are many.
+
+    Args:
+        jumps: What is echoed.
+        hops: Delay [ticks] and orders gained; those without delay never lower an order and are passed over.
+        limit: The last tick.
+    """
+    waiting = list(zip(jumps.tick.tolist(), jumps.order.tolist(), strict=True))
+    heapq.heapify(waiting)
+    late = [(delay, gain) for delay, gain in hops if delay > 1]
+    ticks: list[int] = []
+    orders: list[int] = []
+    while waiting:
+        tick, order = heapq.heappop(waiting)
+        last = tick
+        while waiting and waiting[0][0] - last <= 1:  # neighbours within a tick are one, of the lowest order
+            last, other = heapq.heappop(waiting)
+            order = min(order, other)
+        ticks.append(tick)
+        orders.append(order)
+        for delay, gain in late:
+            if tick + delay <= limit and order + gain <= HIGHEST_ORDER:
+                heapq.heappush(waiting, (tick + delay, order + gain))
+    return Jumps(np.array(ticks, dtype=np.int64), np.array(orders, dtype=np.int64))
