@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import importlib
 import os
+import pickle
 import sys
 import warnings
 from typing import Any
@@ -66,6 +67,10 @@ class _Nowhere:
         return ""
 
 
+#: what reading a pickle raises that is torn, or of another version whose names were others
+_UNREADABLE = (AttributeError, ImportError, EOFError, IndexError, ValueError, pickle.UnpicklingError)
+
+
 @functools.cache
 def compile_without_disk() -> None:
     """Let numba go on where compiled code cannot be read from disk or kept on it, as on one that is full.
@@ -81,7 +86,7 @@ def compile_without_disk() -> None:
     def load_if_possible(self: Any, *arguments: Any) -> Any:
         try:
             return load(self, *arguments)
-        except (OSError, AttributeError, ImportError):
+        except (OSError, *_UNREADABLE):
             # unreadable, or of another version whose names were others: it is compiled anew
             return None
 
@@ -93,6 +98,16 @@ def compile_without_disk() -> None:
             self.disable()
             _warn_of_disk(f"{error.strerror or error}: {error.filename or self.cache_path}")
 
+    index = caching.IndexDataCacheFile._load_index
+
+    @functools.wraps(index)
+    def index_if_readable(self: Any) -> Any:
+        try:
+            return index(self)
+        except _UNREADABLE:
+            return {}  # so that it is written anew: numba would read it first, and fail
+
+    caching.IndexDataCacheFile._load_index = index_if_readable
     stamp = caching._SourceFileBackedLocatorMixin.get_source_stamp
 
     @functools.wraps(stamp)

@@ -142,6 +142,23 @@ print(numba.njit(cache=True)(__import__("headway.models.maths").models.maths.pow
     assert b"compiled code cannot be kept" in done.stderr
 
 
+@pytest.mark.parametrize("rest", [b"", b"\x80", b"cheadway.engine.layout\nGoneWithThatVersion\n.", b"cnowhere\nx\n."])
+def test_a_torn_or_older_index_of_compiled_code_is_written_anew(tmp_path, rest):
+    import pickle
+
+    from numba import __version__
+    from numba.core.caching import IndexDataCacheFile
+
+    from headway.environment import compile_without_disk
+
+    compile_without_disk()
+    (tmp_path / "law.nbi").write_bytes(pickle.dumps(__version__) + rest)
+    file = IndexDataCacheFile(str(tmp_path), "law", ())
+    assert file.load("key") is None
+    file.save("key", "compiled")
+    assert IndexDataCacheFile(str(tmp_path), "law", ()).load("key") == "compiled"
+
+
 @pytest.mark.parametrize("after", [0.0, 0.02, 0.08, 0.15, 0.25, 0.4])
 def test_an_interruption_while_the_command_is_loaded(after):
     program = "import sys; print(1, flush=True); sys.argv[1:] = ['schema']; from headway.__main__ import main; main()"

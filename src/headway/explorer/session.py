@@ -131,8 +131,8 @@ class Session:
             pass
         except HeadwayError as error:
             await self._say("error", request.id, text=str(error))
-        except (ArithmeticError, ValueError, TypeError, LookupError, MemoryError) as error:
-            # a law of one's own may raise anything of the kind; the page is told and the server goes on
+        except Exception as error:
+            # a law of one's own may raise anything; the page is told and the server goes on
             _log.exception("a state could not be computed")
             await self._say("error", request.id, text=f"this cannot be computed ({type(error).__name__}: {error})")
 
