@@ -92,7 +92,7 @@ def ovm_metric(gap: Any, alpha: Any, *, v0: Any = 22.0, h: Any = 4.0) -> Any:
 
 
 def ovm_damping(gap: Any, alpha: Any, *, v0: Any = 22.0, h: Any = 4.0) -> Any:
-    """ "Damping" f_Δx - f_v = α (λ + 1); section "String Stability Analysis of OVM Model", no label.
+    """So-called damping f_Δx - f_v = α (λ + 1); section "String Stability Analysis of OVM Model", no label.
 
     Wrong: it adds α λ [1/s²] to α [1/s]. The damping is f_Δv - f_v = α.
     """
