@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import time
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import NoReturn
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 import headway as hw
+from headway.explorer import session
 from headway.explorer import state as states
 from headway.explorer.controls import controls
 from headway.explorer.picture import Quick, draw
@@ -205,6 +208,38 @@ def test_a_click_on_the_map_goes_there(open_page):
     assert state_of(page)["scenario"]["followers"][0]["delay"] == pytest.approx(
         group["delay"] + 0.02 * (y1 - y0), abs=1e-3
     )
+
+
+def test_a_newer_state_overtakes_one_that_takes_long(open_page, monkeypatch):
+    """The page does not wait for the picture of a state that the hand has left; the engine gives that up."""
+    given_up = []
+
+    def draw_slowly(state, quick, points, draft, stale):
+        if state.scenario.followers[0].delay == 1.2:
+            end = time.perf_counter() + 20.0  # as long as stop and go once took
+            while time.perf_counter() < end:
+                if stale():
+                    given_up.append(state)
+                    raise CancelledError
+                time.sleep(0.01)
+        return draw(state, quick, points, draft, stale)
+
+    monkeypatch.setattr(session, "draw", draw_slowly)
+    page = open_page()
+    settled(page)
+    field = page.get_by_label("delay, exact value")
+    field.fill("1.2")
+    field.press("Enter")
+    page.wait_for_timeout(1000)
+    page.evaluate(f"window.before = {DRAWN}")
+    begun = time.perf_counter()
+    field.fill("0.2")
+    field.press("Enter")
+    until(page, f"window.before !== {DRAWN}", "the newer state's curves")
+    took = time.perf_counter() - begun
+    assert given_up
+    assert took < 5.0, took
+    settled(page)  # and the session goes on
 
 
 def test_the_page_says_what_headway_stability_says(open_page, cli, tmp_path):
