@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import headway as hw
-from headway.literature.barhoumi2025.maps import NAMES, paper_map
+from headway.literature.barhoumi2025.maps import NAMES, reproduced_map
 from headway.models import CACC, IDM
 
 
@@ -24,7 +24,7 @@ def main(folder: Path) -> None:
         "propagation": hw.plot.propagation(slow),
         "damping": hw.plot.damping(),
         "map": hw.plot.stability_map(over_delay, point={"T": 1.5, "delay": 0.4}),
-        **{f"map-{name}": hw.plot.paper_map(paper_map(name)) for name in NAMES},
+        **{f"map-{name}": hw.plot.paper_map(reproduced_map(name)) for name in NAMES},
     }
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():

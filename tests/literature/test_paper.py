@@ -19,7 +19,7 @@ from headway.literature.barhoumi2025.claims import CLAIMS, GROUPS
 from headway.literature.barhoumi2025.delays import CLASSES, DELAYS, delay_sweep
 from headway.literature.barhoumi2025.experiments import EXPERIMENTS, STATED
 from headway.literature.barhoumi2025.reproduction import choose, key_condition, reason, reproduce, tables, verdict_table
-from headway.literature.barhoumi2025.settings import AXES, GAINS, run, scenario
+from headway.literature.barhoumi2025.settings import AXES, GAINS, scenario, trajectories
 from headway.literature.barhoumi2025.verdicts import (
     SAME,
     Claim,
@@ -28,8 +28,8 @@ from headway.literature.barhoumi2025.verdicts import (
     at_least,
     at_most,
     grows,
-    judge,
-    known,
+    judge_claim,
+    unbounded,
 )
 from headway.models import BUILT_IN
 
@@ -46,7 +46,7 @@ def made(check, axes, **more):
 @functools.cache
 def found(name):
     """A claim, judged without its sweep."""
-    return judge(dataclasses.replace(CLAIMS[name], sweep=None))
+    return judge_claim(dataclasses.replace(CLAIMS[name], sweep=None))
 
 
 def test_every_experiment_and_every_claim_is_there():
@@ -103,19 +103,19 @@ class TestConditions:
 
     def test_what_does_not_exist_does_not_hold(self):
         assert not at_most("x", math.nan, 1.0).holds
-        assert known("x", math.nan).holds
+        assert unbounded("x", math.nan).holds
 
     def test_margin_is_the_share_of_the_nearer_bound(self):
         assert Condition("x", 3.0, low=2.0, high=4.0).margin == pytest.approx(0.25)
         assert Condition("x", 5.0, low=2.0, high=4.0).margin == pytest.approx(-0.25)
-        assert known("x", 1.0).margin == math.inf
+        assert unbounded("x", 1.0).margin == math.inf
 
 
 class TestVerdicts:
     AXES = {"gains": ("base", "fitted"), "omega": (0.63, 1.0, 0.3)}  # noqa: RUF012
 
     def verdict(self, check):
-        return judge(made(check, self.AXES)).verdict
+        return judge_claim(made(check, self.AXES)).verdict
 
     def test_in_all_in_some_in_none(self):
         assert self.verdict(lambda c: [at_most("x", 0.0, 1.0)]) == "reproduced"
@@ -134,7 +134,7 @@ class TestVerdicts:
         assert self.verdict(mixed) == "contradicted"
 
     def test_decisive_is_the_axis_that_decides(self):
-        finding = judge(made(lambda c: [at_most("x", c["omega"], 0.5)], self.AXES))
+        finding = judge_claim(made(lambda c: [at_most("x", c["omega"], 0.5)], self.AXES))
         (only,) = finding.decisive
         assert only.axis == "omega"
         assert only.share == pytest.approx(2 / 3)
@@ -142,7 +142,7 @@ class TestVerdicts:
         assert "frequency ω of the disturbance (0.63 rad/s: 0 of 2" in reason(finding)
 
     def test_reason_counts_each_condition_where_none_holds(self):
-        finding = judge(made(lambda c: [at_most("x", c["omega"], 0.5), at_least("y", 0.0, 1.0)], self.AXES))
+        finding = judge_claim(made(lambda c: [at_most("x", c["omega"], 0.5), at_least("y", 0.0, 1.0)], self.AXES))
         assert reason(finding).endswith(
             "0 of 6 combinations of what is not stated; each by itself: 'x' in 2 of 6, 'y' in 0 of 6."
         )
@@ -153,7 +153,7 @@ class TestVerdicts:
             lambda c: [grows("x", 1 + c["omega"])], self.AXES, contrary="The opposite.",
             against=lambda c: [grows("x", 1 - c["omega"])], sweep=("omega", (0.0, 0.1)),
         )  # fmt: skip
-        finding = judge(claim)
+        finding = judge_claim(claim)
         assert (finding.verdict, finding.contrary_verdict) == ("reproduced", "contradicted")
         assert [o.holds for o in finding.sweep] == [False, True]
         assert finding.sweep[0].choices == {"gains": "base", "omega": 0.0}
@@ -225,7 +225,7 @@ class TestNumbers:
         assert answer.growth[0] < 1 < answer.growth[-1]
 
     def test_runs_are_those_of_the_library(self):
-        data = run("idm-window")
+        data = trajectories("idm-window")
         assert data.attrs["scenario_hash"] == library_scenario("paper:idm-window").hash
 
 
@@ -337,7 +337,7 @@ class TestDoc:
 def test_a_claim_has_as_many_panels_as_it_asks_for():
     from headway.literature.barhoumi2025.figures import dependence
 
-    finding = judge(dataclasses.replace(CLAIMS["C24"], sweep=("gap", (5.0, 10.0))))
+    finding = judge_claim(dataclasses.replace(CLAIMS["C24"], sweep=("gap", (5.0, 10.0))))
     figure = dependence(finding)
     assert len(figure.axes) == 2  # the combinations, and the sweep beneath
     marked = {tuple(line.get_ydata()) for line in figure.axes[1].lines}

@@ -270,7 +270,7 @@ def test_m11_the_gap_shrinks_when_the_follower_is_faster():
     rate = np.gradient(gap, run.time.values)
     true = gap / speed
     assert gap / (23.0 - rate) == pytest.approx(true, rel=2e-4)
-    wrong = printed.time_gap(gap, rate, 23.0)
+    wrong = printed.oscillator_time_gap(gap, rate, 23.0)
     assert true[0] == pytest.approx(gap[0] / 24.0)
     assert wrong[0] == pytest.approx(gap[0] / 22.0, rel=1e-3)
 
@@ -317,7 +317,7 @@ def test_printed_formulas_broadcast():
         printed.idm_damping(x, y), printed.idm_damping_sign_corrected(x, y), printed.idm_spacing_error(x, y),
         printed.ovm_metric(x, y), printed.ovm_damping(x, y), printed.gmm_critical_sensitivity(x, gap=y),
         printed.gmm_transfer(1j * x, alpha=y), printed.cacc_transfer(1j * x, kv=y), printed.cacc_sufficient(x, y),
-        printed.cacc_longest_delay(x, y, 0.5), printed.cacc_policy_error(x, y), printed.time_gap(x, 0.1, y),
+        printed.cacc_longest_delay(x, y, 0.5), printed.cacc_policy_error(x, y), printed.oscillator_time_gap(x, 0.1, y),
         printed.oscillator_coefficients(x, omega0=y, xi=0.2)[1], printed.oscillator_speed(x, y, 1.0, 0.5),
     ):  # fmt: skip
         assert found.shape == (4, 5)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import headway as hw
 from headway.limits import LIMITS
-from headway.literature.barhoumi2025.maps import NAMES, paper_map
+from headway.literature.barhoumi2025.maps import NAMES, reproduced_map
 from headway.models import CACC, FVDM, GMM, IDM, OVM, IDMSpacing
 from headway.theory import sweep
 from headway.theory.map import axis, stability_map
@@ -310,11 +310,11 @@ def test_saved_and_read_again(tmp_path):
 
 
 def panel(name, number):
-    return paper_map(name).panels[number][1]
+    return reproduced_map(name).panels[number][1]
 
 
 def test_printed_idm_condition_calls_every_time_gap_unstable():
-    printed, corrected, true = (p for _, p in paper_map("idm").panels)
+    printed, corrected, true = (p for _, p in reproduced_map("idm").panels)
     at_rest = np.abs(printed.axes["approach"]) < 0.03
     assert np.all(printed.dataset.verdict.values[at_rest] == 1)
     assert np.all(corrected.dataset.verdict.values[at_rest] == 2)
@@ -322,27 +322,27 @@ def test_printed_idm_condition_calls_every_time_gap_unstable():
 
 
 def test_printed_ovm_condition_is_right_without_delay():
-    printed, true, late = (p for _, p in paper_map("ovm").panels)
+    printed, true, late = (p for _, p in reproduced_map("ovm").panels)
     assert np.array_equal(printed.dataset.verdict.values == 2, true.dataset.verdict.values == 3)
     assert late.shares[STABLE] < true.shares[STABLE]
 
 
 def test_printed_gmm_condition_has_nothing_to_do_with_the_truth():
-    printed, true, late = (p for _, p in paper_map("gmm").panels)
+    printed, true, late = (p for _, p in reproduced_map("gmm").panels)
     assert true.shares[STABLE] == 1.0
     assert printed.shares["condition holds"] < 0.1
     assert late.shares["locally unstable"] > 0.4
 
 
 def test_printed_cacc_condition_is_neither_necessary_nor_sufficient():
-    printed, true, *_ = (p for _, p in paper_map("cacc").panels)
+    printed, true, *_ = (p for _, p in reproduced_map("cacc").panels)
     holds, stable = printed.dataset.verdict.values == 2, true.dataset.verdict.values == 3
     assert (holds & ~stable).any()
     assert (~holds & stable).any()
 
 
 def test_printed_longest_delay_has_no_value_over_most_of_the_space():
-    printed, true = (p for _, p in paper_map("cacc-3d").panels)
+    printed, true = (p for _, p in reproduced_map("cacc-3d").panels)
     assert printed.shares["no value"] > 0.5
     kv, ka = 12, 9
     car = hw.Vehicle(CACC(kv=true.axes["kv"][kv], ka=true.axes["ka"][ka]), delay={"vl": 0.15, "al": 0.15})

@@ -107,11 +107,11 @@ def _paper(name: str, options: list[str], out: Path | None, figure: Path | None,
     if options:
         raise HeadwayError(f"{options[0]} belongs to a map of one's own; name its first axis, e.g. --x T=0.5:2.5")
     with show.working("computing the maps (the first one after installation compiles)"):
-        from headway.literature.barhoumi2025.maps import NAMES, paper_map
+        from headway.literature.barhoumi2025.maps import NAMES, reproduced_map
 
         if name in BUILT_IN and name not in NAMES:
             raise HeadwayError(f"a map of {name} needs an axis, e.g. --x delay=0:1.5; the paper has {', '.join(NAMES)}")
-        maps = paper_map(name)
+        maps = reproduced_map(name)
     if out is not None:
         raise HeadwayError(f"--out {out}: the paper's maps are figures of several panels; use --figure or --json")
     if figure is not None:

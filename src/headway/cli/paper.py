@@ -102,7 +102,7 @@ def _others(count: int) -> Iterator[Executor | None]:
 
 
 def _print(findings: dict[str, Any]) -> None:
-    from headway.literature.barhoumi2025.reproduction import asked, count, key_condition, shown
+    from headway.literature.barhoumi2025.reproduction import bounds_text, count, key_condition, number_text
 
     if not findings:
         return
@@ -110,6 +110,6 @@ def _print(findings: dict[str, Any]) -> None:
     for name, finding in findings.items():
         key = key_condition(finding)
         held = f"{finding.holding} of {len(finding.outcomes)}"
-        rows.append((name, finding.verdict, held, shown(key.value, key.unit), asked(key), key.name))
+        rows.append((name, finding.verdict, held, number_text(key.value, key.unit), bounds_text(key), key.name))
     columns = ("claim", "verdict", "holds in", "measured", "asked for", "what")
     show.print_table(", ".join(f"{n} {verdict}" for verdict, n in count(findings).items()), columns, rows, left=2)

@@ -257,8 +257,7 @@ def _beyond(row, end, gain):
     w = older = 0.8 * _COMMON  # a dip at the seam lies in one of the two parts
     best = h_old = _short_value(row, w, gain)
     where, h_older, count = w, math.inf, 0
-    depth = np.full(_REFINED, math.inf)
-    left, right = np.empty(_REFINED), np.empty(_REFINED)
+    depth, left, right = np.full(_REFINED, math.inf), np.empty(_REFINED), np.empty(_REFINED)
     while w < end:
         forward = min(_RISE * w, step)
         if w > resolved:

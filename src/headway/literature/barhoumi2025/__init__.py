@@ -1,1 +1,1 @@
-"""The comparative study, reproduced: its experiments, and each of its claims with what was measured and a verdict."""
+"""The comparative study, reproduced: its experiments, and each of its claims with measurements and a verdict."""

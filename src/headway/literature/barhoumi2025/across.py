@@ -9,8 +9,8 @@ import numpy as np
 
 from headway import metrics
 from headway.literature.barhoumi2025 import printed
-from headway.literature.barhoumi2025.settings import GAINS, peaks, run, scenario
-from headway.literature.barhoumi2025.verdicts import Choices, Claim, Condition, grows, known, within
+from headway.literature.barhoumi2025.settings import GAINS, peak_by_follower, scenario, trajectories
+from headway.literature.barhoumi2025.verdicts import Choices, Claim, Condition, grows, in_range, unbounded
 from headway.metrics import safety
 from headway.theory.linear import linearize
 
@@ -28,18 +28,18 @@ COMPARISONS = {"none": "compare-0", "150 ms": "compare-150", "0.15 and 1.5 s": "
 def _calmest(c: Choices) -> Sequence[Condition]:
     trailing = {}
     for model in MODELS:
-        found = run(f"compare-0-{model}", c).speed.sel(time=slice(25.0, None))
-        trailing[model] = float(np.mean(metrics.amplitude(found).values[3:]))
+        speed = trajectories(f"compare-0-{model}", c).speed.sel(time=slice(25.0, None))
+        trailing[model] = float(np.mean(metrics.amplitude(speed).values[3:]))
     # a model of which nobody is left has no amplitude; it is not the calmest
     others = min(v for m, v in trailing.items() if m != "gmm" and np.isfinite(v))
     return (
-        within("GMM's amplitude over the least of the others, vehicles 3 to 5", trailing["gmm"] / others, 0.0, 1.0),
-        *(known(f"mean speed amplitude of vehicles 3 to 5, {m.upper()}", v, "m/s") for m, v in trailing.items()),
+        in_range("GMM's amplitude over the least of the others, vehicles 3 to 5", trailing["gmm"] / others, 0.0, 1.0),
+        *(unbounded(f"mean speed amplitude of vehicles 3 to 5, {m.upper()}", v, "m/s") for m, v in trailing.items()),
     )  # fmt: skip
 
 
 def _printed(c: Choices) -> Sequence[Condition]:
-    """What the paper's own printed conditions say of its experiments: each is to be positive."""
+    """The paper's own printed conditions for its experiments: each is to be positive."""
     cases = {model: scenario(f"compare-0-{model}", **c) for model in MODELS}
     gain, idm, ovm, gmm = (case.followers[0].model.parameters for case in cases.values())
     speed, gap = cases["ovm"].cruise, cases["ovm"].initial_gaps()[0]
@@ -55,14 +55,16 @@ def _printed(c: Choices) -> Sequence[Condition]:
 
 
 def _theory(c: Choices) -> Sequence[Condition]:
-    """Exact theory of the same: the margin of strict string stability is not to be negative."""
+    """Exact theory of the experiments: the margin of strict string stability is not to be negative."""
     name = COMPARISONS[c["delays"]]
-    found = []
+    conditions = []
     for model in MODELS:
         case = scenario(f"{name}-{model}", **c)
         linear = linearize(case.followers[0], case.cruise, c["gap"] if model == "gmm" else None)
-        found.append(Condition(f"{model.upper()}: exact string stability (1: stable)", linear.string_stable, low=1.0))
-    return found
+        conditions.append(
+            Condition(f"{model.upper()}: exact string stability (1: stable)", linear.string_stable, low=1.0)
+        )
+    return conditions
 
 
 def _stable(c: Choices) -> Sequence[Condition]:
@@ -71,16 +73,16 @@ def _stable(c: Choices) -> Sequence[Condition]:
 
 def _danger(c: Choices, model: str) -> float:
     """How dangerous a run is by the chosen measure, >= 0; a collision infinitely so."""
-    found = run(f"{COMPARISONS[c['delays']]}-{model}", c)
-    if found.collision_time.notnull().any():
+    dataset = trajectories(f"{COMPARISONS[c['delays']]}-{model}", c)
+    if dataset.collision_time.notnull().any():
         return math.inf
     if c["measure"] == "first gap over least gap":
-        return float((found.gap[1:, 0] / safety.least_gap(found)[1:]).max())
+        return float((dataset.gap[1:, 0] / safety.least_gap(dataset)[1:]).max())
     if c["measure"] == "largest spacing error over first gap":
-        return float((peaks(found.spacing_error) / found.gap.values[1:, 0]).max())
+        return float((peak_by_follower(dataset.spacing_error) / dataset.gap.values[1:, 0]).max())
     if c["measure"] == "largest DRAC":
-        return float(safety.drac(found).max())
-    return 1.0 / float(safety.ttc(found).min())
+        return float(safety.drac(dataset).max())
+    return 1.0 / float(safety.ttc(dataset).min())
 
 
 def _safest(c: Choices) -> Sequence[Condition]:
@@ -89,8 +91,8 @@ def _safest(c: Choices) -> Sequence[Condition]:
     ratio = math.nan if math.isinf(worse) and math.isinf(better) else worse / better
     ranks = {model: 1 + sum(danger[other] < danger[model] for other in MODELS) for model in MODELS}
     return (
-        within("danger of the worse of CACC and IDM over that of the better of OVM and GMM", ratio, 0.0, 1.0),
-        *(known(f"rank of {model.upper()}", rank) for model, rank in ranks.items()),
+        in_range("danger of the worse of CACC and IDM over that of the better of OVM and GMM", ratio, 0.0, 1.0),
+        *(unbounded(f"rank of {model.upper()}", rank) for model, rank in ranks.items()),
     )
 
 
@@ -105,7 +107,7 @@ def _less_stable(c: Choices) -> Sequence[Condition]:
     ratio = min(gains["cacc"], gains["idm"]) / max(gains["ovm"], gains["gmm"])
     return (
         grows("lesser of the largest gains of CACC and IDM over the larger of OVM's and GMM's", ratio),
-        *(known(f"largest gain per vehicle, {model.upper()}", gain) for model, gain in gains.items()),
+        *(unbounded(f"largest gain per vehicle, {model.upper()}", gain) for model, gain in gains.items()),
     )
 
 

@@ -12,13 +12,13 @@ from headway.literature.barhoumi2025.settings import (
     GAINS,
     SHAPES,
     after,
+    amplitude_by_vehicle,
     error,
     far_apart,
     nonharmonic,
-    peaks,
-    run,
-    steady,
+    peak_by_follower,
     steps,
+    trajectories,
 )
 from headway.literature.barhoumi2025.verdicts import (
     ABOUT,
@@ -29,10 +29,10 @@ from headway.literature.barhoumi2025.verdicts import (
     about,
     at_most,
     grows,
-    known,
+    in_range,
     not_amplified,
     shrinks,
-    within,
+    unbounded,
 )  # fmt: skip
 
 __all__ = ["CLAIMS"]
@@ -50,27 +50,27 @@ def _amplitudes(name: str, c: Choices) -> tuple[np.ndarray, np.ndarray]:
 @functools.lru_cache(maxsize=24)
 def _measured(name: str, choices: tuple[tuple[str, Any], ...]) -> tuple[np.ndarray, np.ndarray]:
     c = dict(choices)
-    found = run(name, c)
-    pairs = steady(found, error(found, c["error"]), c["omega"])[1:]
-    return pairs, steady(found, found.speed, c["omega"])[1:]
+    dataset = trajectories(name, c)
+    pairs = amplitude_by_vehicle(dataset, error(dataset, c["error"]), c["omega"])[1:]
+    return pairs, amplitude_by_vehicle(dataset, dataset.speed, c["omega"])[1:]
 
 
 def _largest(name: str, bound: float, c: Choices) -> Sequence[Condition]:
-    found = run(name, c)
-    return (at_most("largest error of any pair", peaks(error(found, c["error"])).max(), bound, "m"),)
+    dataset = trajectories(name, c)
+    return (at_most("largest error of any pair", peak_by_follower(error(dataset, c["error"])).max(), bound, "m"),)
 
 
 def _alike(c: Choices) -> Sequence[Condition]:
     pairs, _ = _amplitudes("compare-0-cacc", c)
     return (
         not_amplified("largest ratio of a pair's amplitude to that of the pair ahead", steps(pairs)),
-        within("least amplitude over largest", far_apart(pairs), 1 - ABOUT, 1.0),
+        in_range("least amplitude over largest", far_apart(pairs), 1 - ABOUT, 1.0),
     )
 
 
 def _visible(c: Choices) -> Sequence[Condition]:
-    found = run(_WITHOUT, c)
-    speeds = steady(found, found.speed, c["omega"])
+    dataset = trajectories(_WITHOUT, c)
+    speeds = amplitude_by_vehicle(dataset, dataset.speed, c["omega"])
     return (
         shrinks("speed amplitude of the last vehicle over the leader's", speeds[-1] / speeds[0]),
         Condition("the same, still to be seen", speeds[-1] / speeds[0], "", low=SAME),
@@ -83,7 +83,7 @@ def _reduced(c: Choices) -> Sequence[Condition]:
     return (
         shrinks("largest ratio with radio to without, Cars 2-3 and behind", (prompt / plain)[2:].max()),
         Condition("Cars 0-1: largest over least amplitude of the three", first.max() / first.min(), high=1 + SAME),
-        known("Cars 0-1: amplitude with radio over without", prompt[0] / plain[0]),
+        unbounded("Cars 0-1: amplitude with radio over without", prompt[0] / plain[0]),
     )
 
 
@@ -105,25 +105,25 @@ def _delay_hurts(c: Choices) -> Sequence[Condition]:
 
 
 def _jagged(c: Choices) -> Sequence[Condition]:
-    found = nonharmonic("cacc", c)
-    pairs = peaks(error(found, c["error"]))[:3]
+    dataset = nonharmonic("cacc", c)
+    pairs = peak_by_follower(error(dataset, c["error"]))[:3]
     return (
         grows("Cars 1-2 over Cars 0-1", pairs[1] / pairs[0]),
         grows("Cars 2-3 over Cars 1-2", pairs[2] / pairs[1]),
-        known("Cars 0-1", pairs[0], "m"),
+        unbounded("Cars 0-1", pairs[0], "m"),
     )
 
 
 def _window(c: Choices) -> Sequence[Condition]:
-    found = run("cacc-window", c)
-    wrong = error(found, c["error"])
-    largest = peaks(wrong).max()
+    dataset = trajectories("cacc-window", c)
+    wrong = error(dataset, c["error"])
+    largest = peak_by_follower(wrong).max()
     return (
         at_most("largest error of any pair", largest, 0.6, "m"),
         at_most(
             "largest error from 5 s after the window on, over the largest", after(wrong, 35.0).max() / largest, 0.1
         ),
-        about("highest speed of the leader", found.speed[0].max(), 24.5, "m/s", share=0.01),
+        about("highest speed of the leader", dataset.speed[0].max(), 24.5, "m/s", share=0.01),
     )
 
 

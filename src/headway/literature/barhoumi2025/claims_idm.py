@@ -13,14 +13,14 @@ from headway.literature.barhoumi2025.settings import (
     IDM_SETS,
     LATE,
     SHAPES,
+    amplitude_by_vehicle,
     error,
     far_apart,
     last_over_first,
     nonharmonic,
-    peaks,
-    run,
-    steady,
+    peak_by_follower,
     steps,
+    trajectories,
 )  # fmt: skip
 from headway.literature.barhoumi2025.verdicts import (
     ABOUT,
@@ -30,10 +30,10 @@ from headway.literature.barhoumi2025.verdicts import (
     about,
     at_least,
     grows,
-    known,
+    in_range,
     not_amplified,
     shrinks,
-    within,
+    unbounded,
 )  # fmt: skip
 
 __all__ = ["CLAIMS"]
@@ -43,35 +43,35 @@ _OMEGA = (0.63, 0.3, 1.0)
 
 
 def _persists(c: Choices) -> Sequence[Condition]:
-    found = run("idm-1", c)
-    speeds = np.asarray(metrics.amplitude(found.speed).values, dtype=float)
-    early, late = (peaks(found.spacing_error, *span)[-1] for span in ((0.0, 30.0), (30.0, 60.0)))
+    dataset = trajectories("idm-1", c)
+    speeds = np.asarray(metrics.amplitude(dataset.speed).values, dtype=float)
+    early, late = (peak_by_follower(dataset.spacing_error, *span)[-1] for span in ((0.0, 30.0), (30.0, 60.0)))
     return (
-        grows("largest error of the last pair over Cars 0-1", last_over_first(peaks(found.spacing_error))),
+        grows("largest error of the last pair over Cars 0-1", last_over_first(peak_by_follower(dataset.spacing_error))),
         grows("half the range of speeds, last vehicle over the leader", last_over_first(speeds)),
         Condition("last pair: largest error in the second half over that in the first", late / early, low=1 - ABOUT),
     )
 
 
 def _calm(c: Choices) -> Sequence[Condition]:
-    found = run("idm-2", c)
-    speeds = steady(found, found.speed, c["omega"])
+    dataset = trajectories("idm-2", c)
+    speeds = amplitude_by_vehicle(dataset, dataset.speed, c["omega"])
     return (not_amplified("largest ratio of a vehicle's speed amplitude to that of the one ahead", steps(speeds)),)
 
 
 def _large_first(c: Choices) -> Sequence[Condition]:
-    pairs = peaks(error(found := run("compare-150-idm", c), c["error"]))
+    pairs = peak_by_follower(error(dataset := trajectories("compare-150-idm", c), c["error"]))
     return (
         about("largest error of Cars 0-1", pairs[0], 15.0, "m"),
         not_amplified("largest ratio of a pair's error to that of the pair ahead", steps(pairs)),
-        known("collisions", metrics.summary(found).collision_time.notnull().sum()),
+        unbounded("collisions", metrics.summary(dataset).collision_time.notnull().sum()),
     )
 
 
 def _late(c: Choices) -> Sequence[Condition]:
-    found = run("compare-real-idm", c)
-    wrong = found.spacing_error
-    pairs, end = peaks(wrong), peaks(wrong, 40.0, 50.0)
+    dataset = trajectories("compare-real-idm", c)
+    wrong = dataset.spacing_error
+    pairs, end = peak_by_follower(wrong), peak_by_follower(wrong, 40.0, 50.0)
     return (
         grows("largest error of the last pair over Cars 0-1", last_over_first(pairs)),
         at_least("largest error of any pair", pairs.max(), 10.0, "m"),
@@ -80,8 +80,8 @@ def _late(c: Choices) -> Sequence[Condition]:
 
 
 def _braking(c: Choices, name: str) -> float:
-    """Deceleration [m/s²] of the follower that is meant, by choice."""
-    acceleration = run(name, c).acceleration
+    """Return the deceleration [m/s²] of the follower that the choices name."""
+    acceleration = trajectories(name, c).acceleration
     strongest = -np.asarray(metrics.least(acceleration).values[1:], dtype=float)
     return float(strongest[0] if c["vehicle"] == "first" else strongest[-1])
 
@@ -89,31 +89,33 @@ def _braking(c: Choices, name: str) -> float:
 def _steeper(c: Choices) -> Sequence[Condition]:
     idm, cacc = (_braking(c, f"compare-0-{model}") for model in ("idm", "cacc"))
     return (
-        within("deceleration of IDM over that of CACC, less 1", idm / cacc - 1, 0.15 * (1 - ABOUT), 0.20 * (1 + ABOUT)),
-        known("deceleration of IDM", idm, "m/s²"),
-        known("deceleration of CACC", cacc, "m/s²"),
+        in_range(
+            "deceleration of IDM over that of CACC, less 1", idm / cacc - 1, 0.15 * (1 - ABOUT), 0.20 * (1 + ABOUT)
+        ),
+        unbounded("deceleration of IDM", idm, "m/s²"),
+        unbounded("deceleration of CACC", cacc, "m/s²"),
     )
 
 
 def _swings(c: Choices) -> Sequence[Condition]:
-    found = run("idm-window", c)
-    wrong = found.spacing_error
+    dataset = trajectories("idm-window", c)
+    wrong = dataset.spacing_error
     top, bottom = float(wrong.max()), float(wrong.min())
     return (
         about("largest spacing error", top, 15.0, "m"),
         about("least spacing error", -bottom, 5.0, "m below 0"),
-        about("highest speed", found.speed.max(), 35.0, "m/s", share=0.05),
-        about("lowest speed", found.speed.min(), 20.0, "m/s", share=0.05),
-        grows("largest error of the last pair over Cars 0-1", last_over_first(peaks(wrong))),
+        about("highest speed", dataset.speed.max(), 35.0, "m/s", share=0.05),
+        about("lowest speed", dataset.speed.min(), 20.0, "m/s", share=0.05),
+        grows("largest error of the last pair over Cars 0-1", last_over_first(peak_by_follower(wrong))),
     )
 
 
 def _bounded(c: Choices) -> Sequence[Condition]:
-    found = nonharmonic("idm", c)
-    speeds = np.asarray(metrics.amplitude(found.speed.sel(time=slice(25.0, None))).values, dtype=float)
+    dataset = nonharmonic("idm", c)
+    speeds = np.asarray(metrics.amplitude(dataset.speed.sel(time=slice(25.0, None))).values, dtype=float)
     return (
         not_amplified("largest ratio of a vehicle's speed amplitude to that of the one ahead", steps(speeds)),
-        within("least speed amplitude over largest", far_apart(speeds), 1 - ABOUT, 1.0),
+        in_range("least speed amplitude over largest", far_apart(speeds), 1 - ABOUT, 1.0),
     )
 
 

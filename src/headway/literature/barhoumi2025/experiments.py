@@ -1,4 +1,4 @@
-"""The paper's experiments: what each shows, where in the paper it stands, and the ready scenarios it is made of."""
+"""The paper's experiments: what each shows, its place in the paper, and its ready scenarios."""
 
 from __future__ import annotations
 
@@ -23,10 +23,15 @@ _MODELS = ("cacc", "idm", "ovm", "gmm")
 class Experiment:
     """One row of the paper's programme.
 
-    figure: label of the paper's figure, or why there is none. kind: what is drawn. about:
-    the model it speaks of, or `all`. scenarios: the ready scenarios (without `paper:`) by what tells them apart, the
-    paper's own reading first. map: name of the map in `headway.literature.barhoumi2025.maps`. text: what is stated and
-    chosen where no scenario says it.
+    Attributes:
+        id: of the experiment.
+        title: of the experiment.
+        figure: label of the paper's figure, or why there is none.
+        kind: of figure.
+        about: the model, or "all".
+        scenarios: the ready scenarios (without `paper:`) by label, the paper's own reading first.
+        map: name of the map in `headway.literature.barhoumi2025.maps`; else empty.
+        text: what is stated and what is chosen, where no scenario says it.
     """
 
     id: str
@@ -45,14 +50,14 @@ class Experiment:
 
     @property
     def chosen(self) -> str:
-        """What it does not state, with headway's choices."""
+        """What the paper does not state, with headway's choices."""
         return self.text[1] or self._described()[1]
 
     def datasets(self) -> dict[str, xr.Dataset]:
-        """Trajectories by what tells them apart."""
-        from headway.literature.barhoumi2025.settings import run
+        """Simulate the ready scenarios and return trajectories by label."""
+        from headway.literature.barhoumi2025.settings import trajectories
 
-        return {label: run(name) for label, name in self.scenarios.items()}
+        return {label: trajectories(name) for label, name in self.scenarios.items()}
 
     def _described(self) -> tuple[str, str]:
         words = library_table(f"paper:{next(iter(self.scenarios.values()))}")["description"]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["delays", "dependence", "figures", "four_panels"]
+__all__ = ["delays", "dependence", "experiment_figures", "four_panels"]
 
 #: what is drawn side by side
 _PAIR: tuple[str, ...] = ("spacing_error", "speed")
@@ -35,8 +35,15 @@ _FAILED: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "markeredg
 _BAND: dict[str, Any] = {"facecolor": "#dcecf5", "edgecolor": "none", "linewidth": 0.0}
 
 
-def figures(experiment: Experiment) -> Iterator[tuple[str, Figure, str, str]]:
-    """Name, figure, what it shows in words, and caption, of everything that the experiment is drawn as."""
+def experiment_figures(experiment: Experiment) -> Iterator[tuple[str, Figure, str, str]]:
+    """Draw everything that an experiment shows.
+
+    Args:
+        experiment: the experiment.
+
+    Yields:
+        (name, figure, what it shows in words, caption) of each figure.
+    """
     name, title = experiment.id, experiment.title
     caption = f"{title} ({experiment.figure})"
     match experiment.kind:
@@ -44,11 +51,11 @@ def figures(experiment: Experiment) -> Iterator[tuple[str, Figure, str, str]]:
             words = "Three curves of a gap that returns to equilibrium, by damping ratio."
             yield name, theory.damping(), words, caption
         case "map":
-            from headway.literature.barhoumi2025.maps import paper_map
+            from headway.literature.barhoumi2025.maps import reproduced_map
 
-            found = paper_map(experiment.map)
-            shown = ", ".join(panel for panel, _ in found.panels)
-            yield name, maps.paper_map(found), f"{title}: areas of verdicts over parameters; panels: {shown}.", caption
+            page = reproduced_map(experiment.map)
+            panels = ", ".join(panel for panel, _ in page.panels)
+            yield name, maps.paper_map(page), f"{title}: areas of verdicts over parameters; panels: {panels}.", caption
         case "platoon":
             data = experiment.datasets()
             # the paper gives CACC an error of its own, the gap less the desired one
@@ -90,7 +97,7 @@ def four_panels(datasets: Mapping[str, xr.Dataset], variable: str) -> Figure:
 
 
 def _collided(datasets: Mapping[str, xr.Dataset]) -> str:
-    """Who collides, for those who cannot see the crosses."""
+    """Say who collides, for readers who cannot see the crosses."""
     hit = [
         f"{name}: car {int(car)} at {float(t):.1f} s"
         for name, data in datasets.items()
@@ -104,7 +111,7 @@ def _collided(datasets: Mapping[str, xr.Dataset]) -> str:
 
 
 def delays(answers: Mapping[str, Answer]) -> Figure:
-    """Peak error [m], growth and exact verdict against the delay [s] for each model of `delay_sweep`."""
+    """Draw peak error [m], growth and exact verdict over the delay [s] for each model of `delay_sweep`."""
     figure = style.new_figure(6.2)
     peak, growth, verdict = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 2))
     entries: dict[str, Any] = {}
@@ -146,17 +153,17 @@ def _bands(ax: Axes, answers: Mapping[str, Answer]) -> None:
 
 
 def dependence(finding: Judgement) -> Figure:
-    """Every condition of a claim over the axis that its verdict turns on most, and along the claim's sweep.
+    """Draw every condition of a claim over the axis that its verdict turns on most, and along the claim's sweep.
 
     Above, a point for each combination of what is not stated, filled where the condition holds; the shaded range
     is what the text asks for, the star headway's own choice. Below, the sweep, all else as chosen.
     """
-    asked = [c for c in finding.chosen.conditions if c.asked][:_COLUMNS]
+    bounded = [c for c in finding.chosen.conditions if c.bounded][:_COLUMNS]
     axis = finding.decisive[0].axis if finding.decisive else next(iter(finding.claim.axes))
     rows = 2 if finding.sweep else 1
     figure = style.new_figure(0.5 + 2.15 * rows)
-    axes = figure.subplots(rows, len(asked), squeeze=False)
-    for column, condition in enumerate(asked):
+    axes = figure.subplots(rows, len(bounded), squeeze=False)
+    for column, condition in enumerate(bounded):
         _combinations(axes[0, column], finding, condition, axis)
         if finding.sweep:
             _along(axes[1, column], finding, condition)
@@ -192,11 +199,13 @@ def _combinations(ax: Axes, finding: Judgement, condition: Condition, axis: str)
 def _along(ax: Axes, finding: Judgement, condition: Condition) -> None:
     axis = finding.claim.sweep[0]  # type: ignore[index]  # there is one where this is called
     x = [o.choices[axis] for o in finding.sweep]
-    found = [{c.name: c for c in o.conditions}[condition.name] for o in finding.sweep]
-    y = [c.value for c in found]
+    conditions = [{c.name: c for c in o.conditions}[condition.name] for o in finding.sweep]
+    y = [c.value for c in conditions]
     ax.plot(x, y, color="0.4", linewidth=1.0, zorder=2)
     for held, look in ((True, _HELD), (False, _FAILED)):
-        chosen = [(a, c.value) for a, c in zip(x, found, strict=True) if c.holds == held and math.isfinite(c.value)]
+        chosen = [
+            (a, c.value) for a, c in zip(x, conditions, strict=True) if c.holds == held and math.isfinite(c.value)
+        ]
         if chosen:
             ax.plot(*np.array(chosen).T, zorder=3, **look)
     _frame(ax, condition, y)
@@ -205,10 +214,10 @@ def _along(ax: Axes, finding: Judgement, condition: Condition) -> None:
 
 def _frame(ax: Axes, condition: Condition, values: Sequence[float]) -> None:
     """Scale, the range asked for, and the condition's name."""
-    known = np.array([v for v in values if math.isfinite(v)])
-    above = known[known > 0]
-    if above.size and known.min() >= 0 and above.max() > 30 * above.min():
-        ax.set_yscale("log") if known.min() > 0 else ax.set_yscale("symlog", linthresh=float(above.min()))
+    finite = np.array([v for v in values if math.isfinite(v)])
+    above = finite[finite > 0]
+    if above.size and finite.min() >= 0 and above.max() > 30 * above.min():
+        ax.set_yscale("log") if finite.min() > 0 else ax.set_yscale("symlog", linthresh=float(above.min()))
     style.axes_style(ax)
     low, high = ax.get_ylim()
     for bound in (condition.low, condition.high):

@@ -14,7 +14,7 @@ from headway.models import CACC, GMM, IDM, OVM
 from headway.scenario.vehicle import Vehicle
 from headway.theory.map import StabilityMap, stability_map, trace
 
-__all__ = ["NAMES", "PaperMap", "paper_map"]
+__all__ = ["NAMES", "PaperMap", "reproduced_map"]
 
 #: what a printed condition says of a point
 _PRINTED = ("no value", "condition fails", "condition holds")
@@ -24,8 +24,11 @@ _PRINTED = ("no value", "condition fails", "condition holds")
 class PaperMap:
     """A map of the paper.
 
-    name: its short name; title: what it is, with the label of the paper's figure; caption: what differs
-    between the printed condition and the truth, and why; panels: title and map of each, the printed ones first.
+    Attributes:
+        name: short name of the map.
+        title: what it shows, with the label of the paper's figure.
+        caption: what differs between the printed condition and the truth, and why.
+        panels: title and map of each panel, the printed ones first.
     """
 
     name: str
@@ -34,8 +37,15 @@ class PaperMap:
     panels: tuple[tuple[str, StabilityMap], ...]
 
 
-def paper_map(name: str) -> PaperMap:
-    """One of the paper's maps by name (`NAMES`); `HeadwayError` for any other name."""
+def reproduced_map(name: str) -> PaperMap:
+    """Compute one of the paper's maps.
+
+    Args:
+        name: one of `NAMES`.
+
+    Raises:
+        HeadwayError: for any other name.
+    """
     if name not in _MAPS:
         raise unknown_name("map of the paper", name, NAMES)
     return _MAPS[name]()
@@ -46,14 +56,14 @@ _Axes = dict[str, tuple[Any, str, str]]
 
 
 def _printed(axes: _Axes, holds: Callable[..., Any], note: str) -> StabilityMap:
-    """The map of a printed condition; `holds` takes arrays by axis and may return NaN where it has no value."""
+    """Return the map of a printed condition; `holds` takes arrays by axis and may return NaN where it has no value."""
     import xarray as xr
 
     values = [np.asarray(v, dtype=float) for v, _, _ in axes.values()]
 
     def codes(at: list[Any]) -> Any:
-        found = np.asarray(holds(*at), dtype=float)
-        return np.where(np.isnan(found), 0, np.where(found > 0, 2, 1)).astype(np.int8)
+        value = np.asarray(holds(*at), dtype=float)
+        return np.where(np.isnan(value), 0, np.where(value > 0, 2, 1)).astype(np.int8)
 
     whole = codes(list(np.meshgrid(*values, indexing="ij")))
     boundary = trace(whole, values, lambda at: codes(list(at.T)), _PRINTED)

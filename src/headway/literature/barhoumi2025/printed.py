@@ -16,7 +16,7 @@ import numpy as np
 __all__ = [
     "cacc_longest_delay", "cacc_policy_error", "cacc_sufficient", "cacc_transfer", "gmm_critical_sensitivity",
     "gmm_transfer", "idm_damping", "idm_damping_sign_corrected", "idm_spacing_error", "oscillator_coefficients",
-    "oscillator_speed", "ovm_critical_sensitivity", "ovm_damping", "ovm_metric", "time_gap",
+    "oscillator_speed", "oscillator_time_gap", "ovm_critical_sensitivity", "ovm_damping", "ovm_metric",
 ]  # fmt: skip
 
 # -- IDM -------------------------------------------------------------------------------------------
@@ -39,7 +39,7 @@ def idm_damping(
 def idm_damping_sign_corrected(
     approach: Any, T: Any, *, speed: Any = 23.0, a: Any = 1.0, b: Any = 1.5, v0: Any = 33.33, delta: Any = 4.0
 ) -> Any:
-    """The same damping [1/s] with both signs right, still with s0 = 0 and s = v T; not printed in the paper.
+    """Damping [1/s] of IDM with both signs right, still with s0 = 0 and s = v T; not printed in the paper.
 
     At Δv = 0 it is what the printed formula should have been; the damping at the true equilibrium
     differs, because there s = (s0 + v T)/sqrt(1 - (v/v0)^δ).
@@ -194,7 +194,7 @@ def oscillator_speed(time: Any, A: Any, B: Any, omega: Any) -> Any:
     return (B - A) * omega * np.sin(omega * np.asarray(time, dtype=float))
 
 
-def time_gap(gap: Any, gap_rate: Any, speed: Any) -> Any:
+def oscillator_time_gap(gap: Any, gap_rate: Any, speed: Any) -> Any:
     """T_H' = gap / (v + ẏ) [s] of a vehicle at equilibrium `speed` whose gap changes by `gap_rate` [m/s]; same section.
 
     Wrong: behind a leader at constant speed the vehicle's own speed is v - ẏ, as its label `pert1` says.

@@ -12,15 +12,15 @@ from typing import Any
 from headway.library import library_scenario
 from headway.literature.barhoumi2025.claims import GROUPS
 from headway.literature.barhoumi2025.experiments import EXPERIMENTS, STATED, Experiment
-from headway.literature.barhoumi2025.figures import dependence, figures
+from headway.literature.barhoumi2025.figures import dependence, experiment_figures
 from headway.literature.barhoumi2025.reproduction import (
     Progress,
-    asked,
+    bounds_text,
     choice,
     count,
     key_condition,
+    number_text,
     reason,
-    shown,
     tables,
 )
 from headway.literature.barhoumi2025.settings import AXES, GAINS, IDM_SETS
@@ -60,21 +60,27 @@ _METHODS = (
 def paper_report(
     experiments: Iterable[Experiment], findings: Mapping[str, Judgement], progress: Progress | None = None
 ) -> Report:
-    """Everything that was measured, as a report; figures are drawn here, `progress` is told (done, total)."""
-    experiments, known = tuple(experiments), dict(findings)
+    """Draw all figures and return the report of a reproduction.
+
+    Args:
+        experiments: the experiments to show.
+        findings: judgements by id of the claim.
+        progress: called with (done, total) figures.
+    """
+    experiments, judgements = tuple(experiments), dict(findings)
     names = tuple(dict.fromkeys(name for e in experiments for name in e.scenarios.values()))
     sections: list[Section] = []
-    if known:
-        sections += [Section("Verdicts", (_verdicts(known),), "verdicts"), *_contradictions(known)]
-        sections += _evidence(known)
+    if judgements:
+        sections += [Section("Verdicts", (_verdicts(judgements),), "verdicts"), *_contradictions(judgements)]
+        sections += _evidence(judgements)
     sections += _drawn(experiments, progress)
     if names:
         sections.append(Section("Runs", (_runs(names),), "runs"))
     sections.append(Section("Methods", (Text(_METHODS),), "methods"))
     sections.append(Section("Parameters", (_parameters(), _open(), _sets()), "parameters"))
     return Report(
-        "A comparative study of oscillatory perturbations, reproduced", _summary(known, experiments), tuple(sections),
-        _provenance(names), _citations(), _data(known, names),
+        "A comparative study of oscillatory perturbations, reproduced", _summary(judgements, experiments),
+        tuple(sections), _provenance(names), _citations(), _data(judgements, names),
     )  # fmt: skip
 
 
@@ -84,10 +90,10 @@ def paper_report(
 def _summary(findings: dict[str, Judgement], experiments: tuple[Experiment, ...]) -> tuple[str, ...]:
     words = ["The experiments of a comparative study of car-following models run again, and its claims checked."]
     if findings:
-        found = count(findings)
-        tally = ", ".join(f"{number} {verdict}" for verdict, number in found.items())
+        counts = count(findings)
+        tally = ", ".join(f"{number} {verdict}" for verdict, number in counts.items())
         words.append(f"**{len(findings)} claim{'s' * (len(findings) > 1)}:** {tally}.")
-        for verdict, number in found.items():
+        for verdict, number in counts.items():
             if number:
                 ids = ", ".join(f.claim.id for f in findings.values() if f.verdict == verdict)
                 words.append(f"- **{verdict}**: {ids}")
@@ -126,7 +132,7 @@ def _yes(held: bool) -> str:
 
 
 def _measured(c: Condition) -> str:
-    return f"{c.name}: {shown(c.value, c.unit)} (asked: {asked(c)})"
+    return f"{c.name}: {number_text(c.value, c.unit)} (asked: {bounds_text(c)})"
 
 
 def _contradictions(findings: dict[str, Judgement]) -> list[Section]:
@@ -143,7 +149,7 @@ def _contradictions(findings: dict[str, Judgement]) -> list[Section]:
 
 
 def _numbers(outcome: ClaimOutcome) -> str:
-    return "; ".join(f"{c.name} {shown(c.value, c.unit)}" for c in outcome.conditions)
+    return "; ".join(f"{c.name} {number_text(c.value, c.unit)}" for c in outcome.conditions)
 
 
 # -- evidence --------------------------------------------------------------------------------------
@@ -171,9 +177,9 @@ def _entry(finding: Judgement) -> list[Block]:
     for c in finding.chosen.conditions:
         everywhere = finding.condition(c.name)
         values = [o.value for o in everywhere if not math.isnan(o.value)]
-        held = f"{sum(o.holds for o in everywhere)} of {len(everywhere)}" if c.asked else ""
+        held = f"{sum(o.holds for o in everywhere)} of {len(everywhere)}" if c.bounded else ""
         low, high = min(values, default=math.nan), max(values, default=math.nan)
-        rows.append((c.name, c.unit, c.value, asked(c), held, low, high))
+        rows.append((c.name, c.unit, c.value, bounds_text(c), held, low, high))
     chosen = ", ".join(f"{AXES[a].meaning} {choice(v, AXES[a].unit)}" for a, v in finding.chosen.choices.items())
     blocks: list[Block] = [
         Text(tuple(words)),
@@ -226,23 +232,25 @@ def _experiment(experiment: Experiment) -> list[Block]:
         f"Stated: {experiment.stated}. Not stated, chosen here: {experiment.chosen}.",
     )
     blocks: list[Block] = [Text(words)]
-    blocks += [Illustration(name, figure, alt, caption) for name, figure, alt, caption in figures(experiment)]
+    blocks += [
+        Illustration(name, figure, alt, caption) for name, figure, alt, caption in experiment_figures(experiment)
+    ]
     return blocks
 
 
 def _runs(names: Iterable[str]) -> Table:
-    from headway.literature.barhoumi2025.settings import run
+    from headway.literature.barhoumi2025.settings import trajectories
     from headway.metrics import summary
 
     rows = []
     for name in names:
-        found = run(name)
-        s = summary(found)
+        dataset = trajectories(name)
+        s = summary(dataset)
         first, last = (float(s.peak_spacing_error[i]) for i in (1, -1))
         hit = int(s.collision_time.notnull().sum())
         amplitudes = [float(s.speed_amplitude[i]) for i in (0, -1)]
         rows.append(
-            (name, first, last, *amplitudes, float(s.least_gap[1:].min()), hit, found.attrs["scenario_hash"][:12])
+            (name, first, last, *amplitudes, float(s.least_gap[1:].min()), hit, dataset.attrs["scenario_hash"][:12])
         )
     return Table(
         ("scenario", "largest error, Cars 0-1", "largest error, last pair", "half speed range, leader",

@@ -11,20 +11,27 @@ from headway.errors import HeadwayError, unknown_name
 from headway.literature.barhoumi2025.claims import CLAIMS
 from headway.literature.barhoumi2025.experiments import EXPERIMENTS, Experiment
 from headway.literature.barhoumi2025.settings import AXES
-from headway.literature.barhoumi2025.verdicts import VERDICTS, ClaimOutcome, Condition, Judgement, judge
+from headway.literature.barhoumi2025.verdicts import VERDICTS, ClaimOutcome, Condition, Judgement, judge_claim
 
 __all__ = [
-    "asked", "choice", "choose", "count", "key_condition", "reason", "reproduce", "shown", "tables", "verdict_table",
+    "bounds_text", "choice", "choose", "count", "key_condition", "number_text", "reason", "reproduce", "tables",
+    "verdict_table",
 ]  # fmt: skip
 
 Progress = Callable[[int, int], Any]
 
 
 def choose(only: Iterable[str] = ()) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
-    """Experiments and ids of claims; all if `only` is empty.
+    """Select experiments and claims.
 
-    An experiment's id stands for it and for the claims about it. Raises `HeadwayError` that names the
-    nearest id for one that is neither.
+    Args:
+        only: ids; that of an experiment stands for it and for the claims about it. All if empty.
+
+    Returns:
+        Experiments, and ids of claims.
+
+    Raises:
+        HeadwayError: naming the nearest id, for one that is neither.
     """
     names = list(only)
     allowed = (*EXPERIMENTS, *CLAIMS)
@@ -42,34 +49,43 @@ def choose(only: Iterable[str] = ()) -> tuple[tuple[Experiment, ...], tuple[str,
 def reproduce(
     claims: Iterable[str] | None = None, executor: Executor | None = None, progress: Progress | None = None
 ) -> dict[str, Judgement]:
-    """Measure and judge claims by id (all if not given), in order.
+    """Measure and judge claims.
 
-    executor: who else may measure; this thread if not given. progress: called with (done, total).
+    Args:
+        claims: ids; all claims if None.
+        executor: where to measure; this thread if None.
+        progress: called with (done, total).
+
+    Returns:
+        Judgements by id, in the order of `claims`.
+
+    Raises:
+        HeadwayError: for an unknown id, or where a process ends.
     """
     ids = tuple(CLAIMS if claims is None else claims)
     for name in ids:
         if name not in CLAIMS:
             raise unknown_name("claim of the paper", name, CLAIMS)
-    found: dict[str, Judgement] = {}
+    judgements: dict[str, Judgement] = {}
     if executor is None:
         for name in ids:
-            found[name] = judge(CLAIMS[name])
-            _tell(progress, len(found), len(ids))
-        return found
+            judgements[name] = judge_claim(CLAIMS[name])
+            _tell(progress, len(judgements), len(ids))
+        return judgements
     # a claim holds functions and stays here; what is measured for it travels
     waiting = {executor.submit(_measured, name): name for name in ids}
     for future in as_completed(waiting):
         name = waiting[future]
         try:
-            found[name] = Judgement(CLAIMS[name], *future.result())
+            judgements[name] = Judgement(CLAIMS[name], *future.result())
         except BrokenExecutor:
             raise HeadwayError(f"{name} could not be measured: the process that was at it has been ended") from None
-        _tell(progress, len(found), len(ids))
-    return {name: found[name] for name in ids}
+        _tell(progress, len(judgements), len(ids))
+    return {name: judgements[name] for name in ids}
 
 
 def _measured(name: str) -> tuple[tuple[ClaimOutcome, ...], ...]:
-    finding = judge(CLAIMS[name])
+    finding = judge_claim(CLAIMS[name])
     return finding.outcomes, finding.contrary, finding.sweep
 
 
@@ -81,17 +97,22 @@ def _tell(progress: Progress | None, done: int, total: int) -> None:
 # -- words -----------------------------------------------------------------------------------------
 
 
-def shown(value: float, unit: str = "") -> str:
-    """A number with its unit for a sentence; a dash where there is none."""
+def number_text(value: float, unit: str = "") -> str:
+    """Write a number with its unit for a sentence; a dash for NaN.
+
+    Args:
+        value: the number.
+        unit: its unit; none if empty.
+    """
     if math.isnan(value):
         return "–"
     text = "∞" if math.isinf(value) else f"{value:.3g}"
     return f"{text} {unit}".rstrip()
 
 
-def asked(condition: Condition) -> str:
-    """The range that the text asks for, as read by the thresholds."""
-    low, high = (shown(b) for b in (condition.low, condition.high))
+def bounds_text(condition: Condition) -> str:
+    """Write the range of a condition; nothing where it has no bounds."""
+    low, high = (number_text(b) for b in (condition.low, condition.high))
     if math.isfinite(condition.low) and math.isfinite(condition.high):
         return f"{low} to {high}" if condition.low != condition.high else low
     if math.isfinite(condition.low):
@@ -100,13 +121,13 @@ def asked(condition: Condition) -> str:
 
 
 def key_condition(finding: Judgement) -> Condition:
-    """The condition, for headway's own choices, that holds in the fewest combinations."""
-    conditions = [c for c in finding.chosen.conditions if c.asked]
+    """Return the condition, for headway's own choices, that holds in the fewest combinations."""
+    conditions = [c for c in finding.chosen.conditions if c.bounded]
     return min(conditions, key=lambda c: sum(other.holds for other in finding.condition(c.name)))
 
 
 def reason(finding: Judgement) -> str:
-    """Why the verdict is what it is, in words made of the numbers."""
+    """Say the reason of a verdict in words that the numbers make."""
     total = len(finding.outcomes)
     held = f"all conditions hold in {finding.holding} of {total} combinations of what is not stated"
     if finding.verdict == "depends on what is not stated":
@@ -117,13 +138,18 @@ def reason(finding: Judgement) -> str:
     failing = [
         f"'{c.name}' in {sum(other.holds for other in finding.condition(c.name))} of {len(finding.condition(c.name))}"
         for c in finding.chosen.conditions
-        if c.asked
+        if c.bounded
     ]
     return f"{held}; each by itself: {', '.join(failing)}."
 
 
 def choice(value: Any, unit: str = "") -> str:
-    """A value on an axis of what is not stated, in words."""
+    """Write a value on an axis of what the paper does not state.
+
+    Args:
+        value: a number or a name.
+        unit: of a number; none if empty.
+    """
     return f"{value:g} {unit}".rstrip() if isinstance(value, float) else str(value)
 
 
@@ -133,7 +159,7 @@ def _turns(axis: str, counts: Any) -> str:
 
 
 def verdict_table(findings: Iterable[Judgement]) -> str:
-    """The verdicts as a table in Markdown, one row a claim."""
+    """Return the verdicts as a table in Markdown, one row for each claim."""
     rows = ["| claim | what the text says | verdict | holds in | turns on |", "|---|---|---|---|---|"]
     for f in findings:
         turns = AXES[f.decisive[0].axis].meaning if f.decisive else ""
@@ -146,12 +172,12 @@ def verdict_table(findings: Iterable[Judgement]) -> str:
 
 
 def count(findings: dict[str, Judgement]) -> dict[str, int]:
-    """How many claims have each verdict."""
+    """Return the number of claims by verdict."""
     return {verdict: sum(f.verdict == verdict for f in findings.values()) for verdict in VERDICTS}
 
 
 def tables(findings: dict[str, Judgement]) -> dict[str, Any]:
-    """Everything as plain tables: counts, and for each claim verdict, numbers and outcomes."""
+    """Return everything as plain tables: counts, and for each claim verdict, numbers and outcomes."""
     return {"verdicts": count(findings), "claims": [_claim(f) for f in findings.values()]}
 
 

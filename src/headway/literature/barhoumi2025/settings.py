@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = [
-    "AXES", "GAINS", "IDM_SETS", "LATE", "SHAPES", "Axis", "after", "error", "far_apart", "last_over_first",
-    "nonharmonic", "peaks", "run", "scenario", "steady", "steps",
+    "AXES", "GAINS", "IDM_SETS", "LATE", "SHAPES", "Axis", "after", "amplitude_by_vehicle", "error", "far_apart",
+    "last_over_first", "nonharmonic", "peak_by_follower", "scenario", "steps", "trajectories",
 ]  # fmt: skip
 
 Table = dict[str, Any]
@@ -32,7 +32,13 @@ Table = dict[str, Any]
 
 @dataclass(frozen=True)
 class Axis:
-    """Something that the paper leaves open: what it is, its unit, and where the values that are tried come from."""
+    """Something that the paper leaves open.
+
+    Attributes:
+        meaning: in words.
+        unit: of its values; empty for names.
+        source: where its values come from.
+    """
 
     meaning: str
     unit: str = ""
@@ -93,9 +99,14 @@ _OMEGA = 0.63
 
 
 def scenario(name: str, **choices: Any) -> Scenario:
-    """The ready scenario `paper:name` with choices by axis; a choice about another model changes nothing.
+    """Return a ready scenario with choices; a choice about another model changes nothing.
 
-    Raises `HeadwayError` for an axis that changes no scenario.
+    Args:
+        name: of the ready scenario, without `paper:`.
+        choices: values by axis, see `AXES`.
+
+    Raises:
+        HeadwayError: for an axis that changes no scenario.
     """
     table = library_table(f"paper:{name}")
     for axis, value in choices.items():
@@ -106,8 +117,14 @@ def scenario(name: str, **choices: Any) -> Scenario:
     return from_table(table)
 
 
-def run(name: str, choices: Mapping[str, Any] | None = None, **more: Any) -> xr.Dataset:
-    """Trajectories of `scenario(name, …)`; the last two dozen are kept."""
+def trajectories(name: str, choices: Mapping[str, Any] | None = None, **more: Any) -> xr.Dataset:
+    """Simulate `scenario(name, …)`; the last two dozen runs are cached.
+
+    Args:
+        name: of the ready scenario, without `paper:`.
+        choices: values by axis.
+        more: further values by axis, which come before those of `choices`.
+    """
     return _trajectories(scenario(name, **{**(choices or {}), **more}))
 
 
@@ -117,8 +134,13 @@ def _trajectories(case: Scenario) -> xr.Dataset:
 
 
 def nonharmonic(model: str, choices: Mapping[str, Any]) -> xr.Dataset:
-    """Trajectories behind a leader of the chosen shape."""
-    return run(f"{model}-nonharmonic{SHAPES[choices['shape']]}", choices)
+    """Simulate a platoon behind a leader that is not harmonic.
+
+    Args:
+        model: "cacc", "idm", "ovm" or "gmm".
+        choices: values by axis, `shape` among them.
+    """
+    return trajectories(f"{model}-nonharmonic{SHAPES[choices['shape']]}", choices)
 
 
 # -- choices ---------------------------------------------------------------------------------------
@@ -200,8 +222,8 @@ def _alpha(table: Table, value: float) -> None:
 
 def _idm(table: Table, value: str) -> None:
     for follower in _of(table, "idm", "idm-spacing"):
-        known = {k: v for k, v in IDM_SETS[value].items() if k in follower["parameters"]}
-        follower["parameters"].update(known)
+        parameters = {k: v for k, v in IDM_SETS[value].items() if k in follower["parameters"]}
+        follower["parameters"].update(parameters)
 
 
 def _edge(table: Table, value: float) -> None:
@@ -219,7 +241,12 @@ _CHANGES: dict[str, Callable[[Table, Any], None]] = {
 
 
 def error(dataset: xr.Dataset, kind: str = "spacing") -> xr.DataArray:
-    """The spacing error [m] that is meant: `spacing` (gap less first), `policy` (gap less desired), IDM's `s* - s`."""
+    """Return a spacing error [m] of a run.
+
+    Args:
+        dataset: the run.
+        kind: "spacing" (gap less first gap), "policy" (gap less desired gap) or "s* - s" (of IDM).
+    """
     if kind == "s* - s":
         from headway.literature.barhoumi2025.printed import idm_spacing_error
 
@@ -227,37 +254,54 @@ def error(dataset: xr.Dataset, kind: str = "spacing") -> xr.DataArray:
     return dataset[f"{kind}_error"]
 
 
-def peaks(values: xr.DataArray, start: float = 0.0, end: float = math.inf) -> Array:
-    """Largest magnitude of each follower from `start` to `end` [s]; until a collision."""
+def peak_by_follower(values: xr.DataArray, start: float = 0.0, end: float = math.inf) -> Array:
+    """Return the largest magnitude of each follower (followers,), until a collision.
+
+    Args:
+        values: (vehicle, time).
+        start: of the window [s].
+        end: of the window [s].
+    """
     return np.asarray(metrics.peak(values.sel(time=slice(start, end))).values[1:], dtype=float)
 
 
 def after(values: xr.DataArray, start: float) -> Array:
-    """Largest magnitude of each follower from `start` [s] on; NaN for one that does not live to see the end."""
+    """Return the largest magnitude of each follower (followers,) from a time on; NaN after a collision.
+
+    Args:
+        values: (vehicle, time).
+        start: of the window [s].
+    """
     late = values.sel(time=slice(start, None))
     whole = np.isfinite(late.values[1:, -1])
     return np.where(whole, np.asarray(metrics.peak(late).values[1:], dtype=float), np.nan)
 
 
-def steady(dataset: xr.Dataset, values: xr.DataArray, omega: float) -> Array:
-    """Amplitude at the forcing frequency over the last whole periods, of each vehicle; NaN after a collision."""
+def amplitude_by_vehicle(dataset: xr.Dataset, values: xr.DataArray, omega: float) -> Array:
+    """Return the amplitude of each vehicle (vehicles,) over the last whole periods; NaN after a collision.
+
+    Args:
+        dataset: the run.
+        values: (vehicle, time).
+        omega: frequency of the leader [rad/s].
+    """
     named = dataset[["speed"]].assign(value=values)
     try:
         return np.abs(fundamental(named, "value", omega).values).astype(float)
-    except HeadwayError:  # nobody lives to see the last periods
+    except HeadwayError:  # every follower has collided before the last periods
         return np.full(dataset.sizes["vehicle"], np.nan)
 
 
 def steps(sizes: Array) -> float:
-    """Largest ratio of a size to that of the one ahead."""
+    """Return the largest ratio of a size to that of the vehicle ahead, of `sizes` (vehicles,)."""
     return float(np.max(sizes[1:] / sizes[:-1]))
 
 
 def last_over_first(sizes: Array) -> float:
-    """Ratio of the last size to the first."""
+    """Return the ratio of the last size to the first, of `sizes` (vehicles,)."""
     return float(sizes[-1] / sizes[0])
 
 
 def far_apart(sizes: Array) -> float:
-    """Least over greatest size, 1 where all are alike."""
+    """Return least over greatest size, 1 where all are alike, of `sizes` (vehicles,)."""
     return float(np.min(sizes) / np.max(sizes))

@@ -1,8 +1,8 @@
-"""How a claim of the text is judged: conditions on measured numbers, over every way to fill in what is not stated.
+"""How claims of the text are judged: conditions on measured numbers, over every way to fill in what is not stated.
 
 A claim names a few conditions (a measured number and the range that the sentence asks for). They are
 checked for every combination of what the paper leaves open. The verdict follows from in how many of
-these combinations all conditions hold; nothing else enters.
+these combinations all conditions hold, and from nothing else.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ __all__ = [
     "at_least",
     "at_most",
     "grows",
-    "judge",
-    "known",
+    "in_range",
+    "judge_claim",
     "not_amplified",
     "shrinks",
-    "within",
+    "unbounded",
 ]  # fmt: skip
 
 Verdict = Literal["reproduced", "depends on what is not stated", "contradicted", "not testable"]
@@ -43,7 +43,7 @@ Choices = Mapping[str, Any]
 #: all verdicts, best first
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
-#: a bound that was read off a figure is taken to be right to this share
+#: a bound that was read off a figure is right to this share
 READ = 0.10
 #: "about", "up to", "peaks around": right to this share
 ABOUT = 0.25
@@ -65,7 +65,15 @@ THRESHOLDS = (
 
 @dataclass(frozen=True)
 class Condition:
-    """A measured number in `unit` and the range [low, high] that the text asks for; without bounds it only informs."""
+    """A measured number and the range that the text states for it.
+
+    Attributes:
+        name: of the number.
+        value: measured; NaN where it does not exist.
+        unit: of the number.
+        low: least value that the text allows.
+        high: largest value that the text allows; without any bound the number only informs.
+    """
 
     name: str
     value: float
@@ -74,22 +82,22 @@ class Condition:
     high: float = math.inf
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "value", float(self.value))  # plain, whatever was measured
+        object.__setattr__(self, "value", float(self.value))  # a plain number
 
     @property
-    def asked(self) -> bool:
-        """Whether the text asks anything of this number."""
+    def bounded(self) -> bool:
+        """Whether the text states a bound for this number."""
         return math.isfinite(self.low) or math.isfinite(self.high)
 
     @property
     def holds(self) -> bool:
-        """Whether the number is as the text says; a number that does not exist is not."""
-        return not self.asked or self.low <= self.value <= self.high
+        """Whether the number is as the text says; one that does not exist is not."""
+        return not self.bounded or self.low <= self.value <= self.high
 
     @property
     def margin(self) -> float:
         """Distance to the nearer bound as a share of that bound, negative outside; infinite without bounds."""
-        if not self.asked:
+        if not self.bounded:
             return math.inf
         return min((s * (self.value - b) / (abs(b) or 1.0) for s, b in self._bounds()), default=math.inf)
 
@@ -100,49 +108,54 @@ class Condition:
             yield -1.0, self.high
 
 
-def known(name: str, value: Any, unit: str = "") -> Condition:
-    """A number that informs only."""
+def unbounded(name: str, value: Any, unit: str = "") -> Condition:
+    """Return a number that only informs."""
     return Condition(name, value, unit)
 
 
 def at_most(name: str, value: Any, bound: float, unit: str = "") -> Condition:
-    """No more than a bound that was read off a figure."""
+    """Return the condition that a number is at most `bound`, which was read off a figure."""
     return Condition(name, value, unit, high=bound * (1 + READ))
 
 
 def at_least(name: str, value: Any, bound: float, unit: str = "") -> Condition:
-    """No less than a bound that was read off a figure."""
+    """Return the condition that a number is at least `bound`, which was read off a figure."""
     return Condition(name, value, unit, low=bound * (1 - READ))
 
 
 def about(name: str, value: Any, size: float, unit: str = "", share: float = ABOUT) -> Condition:
-    """A size named with 'about', 'up to' or 'peaking at'."""
+    """Return the condition that a number is `size`, named with 'about' or 'up to', give or take a `share`."""
     return Condition(name, value, unit, size * (1 - share), size * (1 + share))
 
 
-def within(name: str, value: Any, low: float, high: float, unit: str = "") -> Condition:
-    """A number between two that leave no room."""
+def in_range(name: str, value: Any, low: float, high: float, unit: str = "") -> Condition:
+    """Return the condition that a number lies from `low` to `high` exactly."""
     return Condition(name, value, unit, low, high)
 
 
 def grows(name: str, ratio: Any) -> Condition:
-    """A ratio that is to be clearly above 1."""
+    """Return the condition that a ratio is clearly above 1."""
     return Condition(name, ratio, "", low=1 + SAME)
 
 
 def shrinks(name: str, ratio: Any) -> Condition:
-    """A ratio that is to be clearly below 1."""
+    """Return the condition that a ratio is clearly below 1."""
     return Condition(name, ratio, "", high=1 - SAME)
 
 
 def not_amplified(name: str, ratio: Any) -> Condition:
-    """A ratio from one vehicle to the next that is not to be above 1."""
+    """Return the condition that a ratio from one vehicle to the next is not above 1."""
     return Condition(name, ratio, "", high=1 + SAME)
 
 
 @dataclass(frozen=True)
 class ClaimOutcome:
-    """What was measured for one combination of choices."""
+    """The measurements for one combination of choices.
+
+    Attributes:
+        choices: values by axis.
+        conditions: measured numbers with their ranges.
+    """
 
     choices: Choices
     conditions: tuple[Condition, ...]
@@ -176,10 +189,17 @@ Check = Callable[[Choices], Sequence[Condition]]
 class Claim:
     """A sentence of the paper, in words of our own.
 
-    where: where in the paper; experiment: id of the experiment it speaks of; setting: what the paper states.
-    axes: what it does not state, each with the values tried; the first of each is headway's own choice.
-    check: the conditions for one combination. contrary: where the text also says the opposite, that
-    sentence, and `against` its conditions. sweep: an axis of numbers that is followed alone, all else as chosen.
+    Attributes:
+        id: of the claim.
+        sentence: the claim.
+        where: place in the paper.
+        experiment: id of the experiment that it is about.
+        setting: what the paper states.
+        axes: what it does not state, each with the values tried; the first of each is headway's own choice.
+        check: the conditions for one combination.
+        contrary: a sentence of the text that says the opposite; else empty.
+        against: the conditions of `contrary`.
+        sweep: an axis of numbers with its values, varied alone, all else as chosen.
     """
 
     id: str
@@ -199,16 +219,19 @@ class Claim:
         return {name: values[0] for name, values in self.axes.items()}
 
     def combinations(self) -> Iterator[dict[str, Any]]:
-        """Every combination of the values of the axes, headway's own first."""
+        """Yield every combination of the values of the axes, headway's own first."""
         for values in itertools.product(*self.axes.values()):
             yield dict(zip(self.axes, values, strict=True))
 
 
 @dataclass(frozen=True)
 class Decisive:
-    """An axis on which the verdict turns: of pairs that differ in it alone, the share in which only one side holds.
+    """An axis on which the verdict turns.
 
-    counts: for each value in how many combinations the claim holds, and of how many.
+    Attributes:
+        axis: name of the axis.
+        share: of pairs of combinations that differ in it alone, the share in which only one side holds.
+        counts: for each value in how many combinations the claim holds, and of how many.
     """
 
     axis: str
@@ -218,7 +241,15 @@ class Decisive:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A claim with everything that was measured for it."""
+    """A claim with all its measurements.
+
+    Attributes:
+        claim: the claim.
+        outcomes: of all combinations, headway's own first.
+        contrary: outcomes of the opposite sentence, if the text has one.
+        sweep: outcomes along the axis of the sweep, if there is one.
+        verdict: on the claim.
+    """
 
     claim: Claim
     outcomes: tuple[ClaimOutcome, ...]
@@ -236,16 +267,16 @@ class Judgement:
 
     @property
     def holding(self) -> int:
-        """In how many combinations the claim holds."""
+        """Number of combinations in which the claim holds."""
         return sum(o.holds for o in self.outcomes)
 
     @property
     def contrary_verdict(self) -> Verdict | None:
-        """The verdict on what the text says to the contrary, if it does."""
+        """The verdict on the opposite sentence, None where the text has none."""
         return _verdict(self.contrary) if self.contrary else None
 
     def condition(self, name: str) -> list[Condition]:
-        """One condition over all combinations."""
+        """Return the condition of this name in all combinations."""
         return [c for o in self.outcomes for c in o.conditions if c.name == name]
 
     @property
@@ -253,12 +284,12 @@ class Judgement:
         """The axes on which the verdict turns, the most decisive first; empty if it does not depend."""
         if self.verdict != "depends on what is not stated":
             return ()
-        found = [d for axis in self.claim.axes if (d := _decisive(axis, self.outcomes)).share > 0]
-        return tuple(sorted(found, key=lambda d: -d.share))
+        axes = [d for axis in self.claim.axes if (d := _decisive(axis, self.outcomes)).share > 0]
+        return tuple(sorted(axes, key=lambda d: -d.share))
 
 
-def judge(claim: Claim) -> Judgement:
-    """Measure a claim in every combination of what is not stated."""
+def judge_claim(claim: Claim) -> Judgement:
+    """Measure a claim in every combination of what the paper does not state."""
     outcomes, contrary, sweep = [], [], []
     for choices in claim.combinations():
         outcomes.append(ClaimOutcome(choices, tuple(claim.check(choices))))
