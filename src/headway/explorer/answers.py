@@ -15,7 +15,7 @@ from headway.engine.run import Result
 from headway.engine.trajectories import to_dataset
 from headway.errors import HeadwayWarning
 from headway.explorer.picture import Picture, linear_in_view
-from headway.explorer.state import State
+from headway.explorer.state import PageState
 from headway.metrics.sizes import UNPHYSICAL
 from headway.models import RADIO
 from headway.theory import sentences
@@ -25,7 +25,7 @@ from headway.theory.platoon import head_to_tail
 __all__ = ["key_figures", "map_key", "map_of", "verdict_sentences"]
 
 
-def verdict_sentences(state: State, stale: Callable[[], bool]) -> list[str]:
+def verdict_sentences(state: PageState, stale: Callable[[], bool]) -> list[str]:
     """The sentences of `headway stability` for every different vehicle, and for the whole string.
 
     Raises:
@@ -66,7 +66,7 @@ _FIGURES = {
 }
 
 
-def key_figures(state: State, result: Result) -> list[dict[str, Any]]:
+def key_figures(state: PageState, result: Result) -> list[dict[str, Any]]:
     """Safety, comfort and energy of a run.
 
     Returns:
@@ -98,7 +98,7 @@ def key_figures(state: State, result: Result) -> list[dict[str, Any]]:
     return figures
 
 
-def map_key(state: State) -> str:
+def map_key(state: PageState) -> str:
     """Text that is equal for states with the same map."""
     scenario, axes = state.scenario, [n for n, _, _ in state.axes]
     vehicle = scenario.followers[state.first]
@@ -114,7 +114,7 @@ def map_key(state: State) -> str:
     return json.dumps([vehicle.model.name, parameters, pattern, lag, speed, scenario.gaps, state.axes])
 
 
-def map_of(state: State, points: int) -> Picture:
+def map_of(state: PageState, points: int) -> Picture:
     """The map of string stability around the vehicle that the page looks at, `points` each way."""
     linear = linear_in_view(state)
     car = linear.vehicle

@@ -8,25 +8,25 @@ from pathlib import Path
 
 from headway.engine.simulate import simulate
 from headway.explorer.lines import python_lines
-from headway.explorer.state import State
+from headway.explorer.state import PageState
 from headway.results import save
 
 __all__ = ["FORMS", "export"]
 
 
-def _csv(state: State, references: Mapping[str, str]) -> str:
+def _csv(state: PageState, references: Mapping[str, str]) -> str:
     with tempfile.TemporaryDirectory() as folder:
         return save(simulate(state.scenario), Path(folder) / "run.csv").read_text(encoding="utf-8")
 
 
 #: suffix of a file → its text
-FORMS: dict[str, Callable[[State, Mapping[str, str]], str]] = {
+FORMS: dict[str, Callable[[PageState, Mapping[str, str]], str]] = {
     "toml": lambda state, _: state.scenario.to_toml(),
     "py": lambda state, references: python_lines(state.scenario, references),
     "csv": _csv,
 }
 
 
-def export(state: State, form: str, references: Mapping[str, str]) -> str:
+def export(state: PageState, form: str, references: Mapping[str, str]) -> str:
     """The text of a file of this form (one of `FORMS`)."""
     return FORMS[form](state, references)

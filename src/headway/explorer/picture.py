@@ -21,7 +21,7 @@ from headway.engine.run import Prepared, Result, Run
 from headway.engine.simulate import check_sound, solve
 from headway.engine.trajectories import lengths
 from headway.errors import HeadwayError, HeadwayWarning, LeaderHeardError
-from headway.explorer.state import State
+from headway.explorer.state import PageState
 from headway.scenario.motion import Motion
 from headway.scenario.scenario import Scenario
 from headway.theory.linear import Linear
@@ -80,7 +80,7 @@ class Quick:
         return result
 
 
-def linear_in_view(state: State) -> Linear:
+def linear_in_view(state: PageState) -> Linear:
     """Linear theory of the vehicle that the page looks at."""
     scenario, n = state.scenario, state.first
     gap = scenario.initial_gaps()[n] if scenario.gaps is not None else None
@@ -110,7 +110,7 @@ def _stepped(scenario: Scenario, dt: float, output_step: float) -> Scenario:
     return other
 
 
-def draw(state: State, quick: Quick, points: int, draft: bool, stale: Callable[[], bool]) -> tuple[Picture, Result]:
+def draw(state: PageState, quick: Quick, points: int, draft: bool, stale: Callable[[], bool]) -> tuple[Picture, Result]:
     """The picture of a state, and the result that it shows.
 
     Args:
@@ -150,7 +150,7 @@ def thinned(scenario: Scenario, result: Result, points: int) -> dict[str, Array]
     return {"time": result.time[keep], "position": x, "speed": v, "error": gap - gap[:, :1], "acceleration": a}
 
 
-def _theory(state: State, arrays: dict[str, Array]) -> dict[str, Any]:
+def _theory(state: PageState, arrays: dict[str, Array]) -> dict[str, Any]:
     """The verdict in a word, and the curve of |G| among the arrays."""
     from headway.theory import sweep
 

@@ -164,7 +164,7 @@ class Session:
             return
         await self._theory(request.id, state, stale)
 
-    async def _theory(self, number: int, state: states.State, stale: Callable[[], bool]) -> None:
+    async def _theory(self, number: int, state: states.PageState, stale: Callable[[], bool]) -> None:
         """Verdicts and the map; a law without an equilibrium here has neither, and still drives."""
         try:
             await self._say("verdict", number, sentences=await self._compute(verdict_sentences, state, stale))

@@ -21,7 +21,7 @@ from headway.scenario.document import from_table, to_table
 from headway.scenario.leaders import KINDS, Disturbance
 from headway.scenario.scenario import Scenario
 
-__all__ = ["LIMITS", "Limits", "State", "checked_state", "decode", "encode", "finite_json", "start_state"]
+__all__ = ["LIMITS", "Limits", "PageState", "checked_state", "decode", "encode", "finite_json", "start_state"]
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ LIMITS = Limits()
 
 
 @dataclass(frozen=True)
-class State:
+class PageState:
     """A state that has been checked: the scenario, the group that is looked at, and the map's axes."""
 
     scenario: Scenario
@@ -48,7 +48,9 @@ class State:
     axes: tuple[tuple[str, float, float], ...]
 
 
-def checked_state(state: Any, laws: Iterable[Law] = (), files: Iterable[str] = (), limits: Limits = LIMITS) -> State:
+def checked_state(
+    state: Any, laws: Iterable[Law] = (), files: Iterable[str] = (), limits: Limits = LIMITS
+) -> PageState:
     """The state of a table, checked.
 
     Args:
@@ -75,7 +77,7 @@ def checked_state(state: Any, laws: Iterable[Law] = (), files: Iterable[str] = (
     if isinstance(group, bool) or not isinstance(group, int) or not 0 <= group < len(tables):
         raise HeadwayError(f"group = {shorten(group)} is not one of the groups 0 to {len(tables) - 1}")
     first = sum(t.get("count", 1) for t in tables[:group])
-    return State(scenario, group, first, _axes(state.get("map")))
+    return PageState(scenario, group, first, _axes(state.get("map")))
 
 
 def _axes(table: Any) -> tuple[tuple[str, float, float], ...]:

@@ -21,7 +21,7 @@ from headway.scenario.vehicle import Vehicle
 from headway.theory.gain import TOLERANCE, tail
 from headway.theory.quasipolynomial import QuasiPolynomial
 from headway.theory.roots import chain_abscissa
-from headway.theory.scalar import minimum, root
+from headway.theory.scalar import least_point, root
 
 if TYPE_CHECKING:
     from headway.theory.linear import Linear
@@ -168,7 +168,7 @@ def _first_sign_change(f: Callable[[float], float], at: Array, slack: float) -> 
 
 def _dip(f: Callable[[float], float], a: float, b: float, below: float) -> float | None:
     """Return the place of the least value between `a` and `b`, or None unless that value is less than `below`."""
-    value, place = minimum(f, a, b)
+    value, place = least_point(f, a, b)
     return place if value < below else None
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from headway.theory.quasipolynomial import HIGHEST, QuasiPolynomial
-from headway.theory.scalar import minimum
+from headway.theory.scalar import least_point
 
 __all__ = [
     "ABOVE_ONE", "BALANCED", "NOISE", "SAMPLES", "TOLERANCE", "VERDICTS", "WINDOW", "Peak", "Spectrum", "Tail",
@@ -255,7 +255,7 @@ def smallest(h: Callable[[Any], Any], omega: Array, at_zero: float) -> tuple[flo
     # sharp dips between coarse samples look deeper than they are: the lowest samples count, too
     chosen = np.union1d(inner[np.argsort(depth)][:_REFINED], inner[np.argsort(middle)][:_REFINED])
     for i in chosen:
-        best = min(best, minimum(h, float(omega[i - 1]), float(omega[i + 1])), (float(values[i]), float(omega[i])))
+        best = min(best, least_point(h, float(omega[i - 1]), float(omega[i + 1])), (float(values[i]), float(omega[i])))
     return best
 
 
@@ -275,7 +275,7 @@ def amplified(top: QuasiPolynomial, bottom: QuasiPolynomial) -> list[float]:
     omega = grid(top, bottom)
     values = less(omega)
     inner = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:])) + 1
-    maxima = [minimum(less, float(omega[i - 1]), float(omega[i + 1])) for i in inner if values[i] < -1.0 - 1e-10]
+    maxima = [least_point(less, float(omega[i - 1]), float(omega[i + 1])) for i in inner if values[i] < -1.0 - 1e-10]
     frequencies = [where for _, where in sorted(maxima)[:8]]
     return [*frequencies, float(omega[-1])] if values[-1] < -1.0 - 1e-10 else frequencies
 

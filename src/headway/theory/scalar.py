@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["minimum", "root"]
+__all__ = ["least_point", "root"]
 
 
 def root(f: Callable[[float], float], a: float, b: float, accuracy: float = 1e-13) -> float:
@@ -22,7 +22,7 @@ def root(f: Callable[[float], float], a: float, b: float, accuracy: float = 1e-1
     return float(brentq(f, a, b, xtol=accuracy))
 
 
-def minimum(f: Callable[[Any], Any], a: float, b: float) -> tuple[float, float]:
+def least_point(f: Callable[[Any], Any], a: float, b: float) -> tuple[float, float]:
     """Return the least value of a function between two places, and its place.
 
     Args:
