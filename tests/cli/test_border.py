@@ -361,7 +361,7 @@ FUNCTIONS = {
                                    "load_study", "open_study", "Scenario", "Vehicle")},
     **{f"plot.{n}": getattr(plot, n) for n in plot.__all__},
     **{f"data.{n}": getattr(hw.data, n) for n in ("read", "check", "compare", "fetch", "load_cycle")},
-    **{f"calibration.{n}": getattr(calibration, n) for n in ("as_recorded", "cross_validate", "growth", "save", "verdict",
+    **{f"calibration.{n}": getattr(calibration, n) for n in ("as_recorded", "cross_validate", "measured_growth", "save_fits", "verdict",
                                                              "measured_transfer", "one_in", "replay", "load_followers")},
     **{f"library.{n}": getattr(hw.library, n) for n in ("library_table", "library_scenario")},
 }  # fmt: skip

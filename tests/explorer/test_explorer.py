@@ -286,7 +286,7 @@ def far(s, v, dv, v0l, *, k=0.2, c=0.6, far=0.4, s0=10.0):
 
 def test_a_law_that_hears_the_platoon_leader_has_no_verdict_per_vehicle():
     scenario = hw.Scenario(hw.sine(20, 1, 0.5), [hw.Vehicle(far)] * 3, duration=20)
-    state = states.read(states.start_state(scenario), [far])
+    state = states.checked_state(states.start_state(scenario), [far])
     shown, _ = picture.draw(state, picture.Quick(), 100, True, never)
     badge = shown.header["theory"]
     assert badge["word"] == "no verdict on one vehicle"

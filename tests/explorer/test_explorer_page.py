@@ -65,7 +65,7 @@ def without(reason: str) -> NoReturn:
 def explorer():
     scenario = hw.from_toml(SCENARIO)
     # what is compiled once on a machine takes longer than any page is waited for
-    draw(states.read(states.start_state(scenario)), Quick(), 300, draft=True, stale=lambda: False)
+    draw(states.checked_state(states.start_state(scenario)), Quick(), 300, draft=True, stale=lambda: False)
     with hw.explore(scenario, browser=False) as running:
         yield running
 
