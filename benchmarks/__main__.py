@@ -6,7 +6,7 @@ import sys
 import traceback
 from importlib import import_module
 
-PARTS = ("startup", "study", "stability", "calibration", "explorer", "sumo", "jitcdde_check", "kernel")
+PARTS = ("startup", "study", "eventful", "stability", "calibration", "explorer", "sumo", "jitcdde_check", "kernel")
 
 
 def main() -> int:

@@ -1,14 +1,11 @@
 """What a point of a study costs where platoons stop and collide, beside a quiet one of the same size.
 
-    python -m benchmarks.eventful [--points 40000] [--pairs 3]
-
 Both studies vary two parameters of five IDM cars over 60 s; one leader brakes so hard that about half of the
 platoons stop or collide, the other swings gently. The two are run by turns.
 """
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import time
 
@@ -31,19 +28,15 @@ def study(leader: object, points: int) -> hw.Study:
     )
 
 
-def main() -> None:
-    """Print seconds a point and their ratio."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--points", type=int, default=40_000)
-    parser.add_argument("--pairs", type=int, default=3)
-    options = parser.parse_args()
+def main(points: int = 40_000, pairs: int = 3) -> int:
+    """Print microseconds a point of both studies and their ratio, as medians of pairs."""
     leaders = {"quiet": hw.sine(20.0, 1.0, 0.6), "eventful": hw.brake(20.0, 17.0, hold=10.0, ramp=4.0, onset=2.0)}
-    studies = {name: study(leader, options.points) for name, leader in leaders.items()}
+    studies = {name: study(leader, points) for name, leader in leaders.items()}
     for small in (study(leader, 64) for leader in leaders.values()):
         small.run(metrics=METRICS, executor="serial")  # compiles
     seconds: dict[str, list[float]] = {name: [] for name in studies}
     share = 0.0
-    for _ in range(options.pairs):
+    for _ in range(pairs):
         for name, each in studies.items():
             begin = time.perf_counter()
             results = each.run(metrics=METRICS, executor="threads")
@@ -57,7 +50,4 @@ def main() -> None:
     ratios = [b / a for a, b in zip(*seconds.values(), strict=True)]
     middle, low, high = (f(ratios) for f in (statistics.median, min, max))
     print(f"ratio     {middle:8.2f} ({low:.2f} … {high:.2f}); {share:.0%} stop or collide")
-
-
-if __name__ == "__main__":
-    main()
+    return 0
