@@ -292,7 +292,7 @@ def test_a_law_that_hears_the_platoon_leader_has_no_verdict_per_vehicle():
     assert "hears the platoon leader" in badge["error"]
     assert "peak" not in badge
     assert "gain" not in shown.arrays
-    sentences = answers.verdicts(state, never)
+    sentences = answers.verdict_sentences(state, never)
     assert "it hears the platoon leader, so no growth per vehicle is defined" in sentences[0]
     assert not any("string stable" in text or "string unstable" in text for text in sentences)
 
