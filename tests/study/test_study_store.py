@@ -21,7 +21,7 @@ from headway.errors import HeadwayError
 from headway.study.store import Store
 from headway.study.study import Study, open_study
 
-SCRIPT = Path(__file__).with_name("study_cases.py")
+SCRIPT = Path(__file__).parents[1] / "helpers" / "study_cases.py"
 
 
 def killed_after(pieces: int, path: Path) -> int:
