@@ -22,21 +22,9 @@ from headway.scenario.motion import Motion, MotionPiece, polyline, smooth_curve
 from headway.scenario.validation import Described, Finite, NonNegative, Numbers, Positive, spec, unit
 
 __all__ = [
-    "KINDS",
-    "Brake",
-    "Chirp",
-    "Constant",
-    "Cycle",
-    "Disturbance",
-    "Multisine",
-    "Noise",
-    "Sawtooth",
-    "Sine",
-    "Square",
-    "Step",
-    "Triangle",
-    "Window",
-]
+    "KINDS", "Brake", "Chirp", "Constant", "Cycle", "Disturbance", "Multisine", "Noise", "Sawtooth", "Sine", "Square",
+    "Step", "Triangle", "Window",
+]  # fmt: skip
 
 Mean = Annotated[NonNegative, unit("m/s", "mean speed, also the speed before the start", usual=[23.0, 0.0, 45.0])]
 Amplitude = Annotated[Finite, unit("m/s", "amplitude of the speed", usual=[2.0, 0.0, 10.0])]
